@@ -1,0 +1,146 @@
+"""Examine what is in a folder, and repair what can be repaired without losing anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pyarrow as pa
+
+from ecat.check import disk
+from ecat.check.annotation import ANNOTATION
+from ecat.check.clock import CLOCK
+from ecat.check.finding import Check, Finding, Patient, error, note
+from ecat.check.marks import MARKS
+from ecat.check.references import REFERENCES
+from ecat.check.schema import SCHEMA
+from ecat.errors import EcatError, SchemaError
+from ecat.model.scheme import ECAT_2018_SCHEME
+from ecat.progress import Progress, silent
+from ecat.store import (
+    Session,
+    adopt_edited_layers,
+    find_sessions,
+    leftovers,
+    open_session,
+    remove_leftovers,
+)
+from ecat.store.manifest import is_plain_name
+from ecat.store.transaction import COMMIT_FILE
+
+CHECKS: tuple[Check, ...] = (*SCHEMA, *CLOCK, *MARKS, *REFERENCES, *ANNOTATION)
+"""The checks of a session's content, in the order of their findings."""
+SCHEMES = {scheme.name: scheme for scheme in (ECAT_2018_SCHEME,)}
+"""Coding schemes by name; what follows another one is not compared with any."""
+Siblings = dict[Path, frozenset[str] | None]
+
+
+def examine(patient: Patient) -> list[Finding]:
+    """The findings of all :data:`CHECKS`."""
+    return [finding for check_ in CHECKS for finding in check_(patient)]
+
+
+def check(path: Path, *, deep: bool = False, progress: Progress = silent) -> list[Finding]:
+    """Examine a session, project or workspace.
+
+    Parameters
+    ----------
+    deep : also compare the hashes of recorded files and tables, which reads every byte.
+
+    Raises
+    ------
+    NotFoundError : there is no session at ``path``.
+    """
+    sessions = find_sessions(path)
+    siblings: Siblings = {}
+    findings = [] if sessions == [path] else list(_unfinished(path))
+    for i, session in enumerate(sessions):
+        progress("checking", i, len(sessions))
+        folder = session.relative_to(path).as_posix()
+        findings += [replace(f, session=folder) for f in _check_session(session, siblings, deep=deep)]
+    progress("checking", len(sessions), len(sessions))
+    return findings
+
+
+def _unfinished(path: Path) -> Iterator[Finding]:
+    """Sessions in a project that were never finished."""
+    for leftover in leftovers(path):
+        message = "a session that was not finished, left behind by an import that was interrupted"
+        yield replace(error("leftover", leftover.name, message, disk.REMOVE), severity="warning")
+
+
+def _check_session(path: Path, siblings: Siblings, *, deep: bool) -> Iterator[Finding]:
+    interrupted = (path / COMMIT_FILE).exists()
+    try:
+        session = open_session(path)
+    except EcatError as reason:
+        problems = reason.problems if isinstance(reason, SchemaError) else ()
+        for problem in problems or (reason.where.removeprefix(f"{path}: ") or reason.what,):
+            yield error("session-unreadable", "session.json", problem)
+        return
+    if interrupted:
+        yield note(
+            "interrupted-commit", COMMIT_FILE, "a write was interrupted; it has been finished by opening"
+        )
+    yield from disk.left_over(session)
+    layers, found = disk.read_layers(session)
+    found += disk.stale_tables(session.manifest)
+    found += disk.damaged_files(session, found, deep=deep)
+    yield from found
+    siblings[path] = frozenset(thing.id for layer in layers.values() for thing in layer.objects)
+
+    @cache
+    def table(name: str) -> pa.Table | None:
+        return _table(session, name)
+
+    patient = Patient(
+        manifest=session.manifest,
+        layers=layers,
+        table=table,
+        scheme=SCHEMES.get,
+        sibling=lambda name: _objects_of(path.parent / name, siblings) if is_plain_name(name) else None,
+    )
+    yield from examine(patient)
+
+
+def _table(session: Session, name: str) -> pa.Table | None:
+    """The rows, or None: why a table cannot be read is a finding of its own."""
+    try:
+        return session.table(name).to_arrow() if session.has_table(name) else None
+    except EcatError:
+        return None
+
+
+def _objects_of(path: Path, siblings: Siblings) -> frozenset[str] | None:
+    """Ids of the objects of the session at ``path``; kept in ``siblings``, as many sessions refer to one."""
+    if path not in siblings:
+        try:
+            session = open_session(path)
+            layers, _ = disk.read_layers(session)
+            siblings[path] = frozenset(thing.id for layer in layers.values() for thing in layer.objects)
+        except EcatError:
+            siblings[path] = None
+    return siblings[path]
+
+
+def repair(path: Path, findings: Sequence[Finding]) -> list[Finding]:
+    """Do what the findings of :func:`check` say can be done, in atomic commits; returns those repaired.
+
+    Raises
+    ------
+    LockedError, ReadOnlyError, DiskError : what was repaired before stays so.
+    """
+    todo = [finding for finding in findings if finding.repair]
+    for folder in dict.fromkeys(finding.session for finding in todo):
+        wanted = {finding.repair for finding in todo if finding.session == folder}
+        place = path / folder
+        if disk.REMOVE in wanted:
+            remove_leftovers(place)
+        if disk.ADOPT in wanted:
+            adopt_edited_layers(open_session(place))
+        if disk.REPUBLISH in wanted:
+            with open_session(place).write() as commit:
+                commit.update()  # nothing new; but whatever is put publishes the tables
+    return todo

@@ -1,0 +1,31 @@
+"""``ecat view``: a session in the Rerun viewer, or as a recording for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ecat.cli.output import Output
+from ecat.cli.verb import verb
+
+
+@verb("view", examples=("ecat view my_session", "ecat view my_session --save my_session.rrd"))
+@click.argument("session", type=click.Path(path_type=Path), help="The session to show.")
+@click.option(
+    "--save", type=click.Path(path_type=Path), metavar="FILE.rrd", help="Write a recording instead."
+)
+def command(out: Output, session: Path, save: Path | None) -> None:
+    """Show a session in the Rerun viewer.
+
+    Images, markers, boxes, table and skeletons in space, events and relations on the same timeline.
+    """
+    from ecat import store, view
+
+    opened = store.open_session(session)
+    if save is None:
+        view.show(opened)
+        out.result({"session": opened.name}, f"showing {opened.name}")
+        return
+    view.save_rrd(opened, save)
+    out.result({"session": opened.name, "file": str(save)}, f"wrote {save}; open it with: rerun {save}")

@@ -1,0 +1,156 @@
+"""Every error that ecat raises on purpose, in one tree.
+
+    EcatError
+    ├── UsageError              the call itself is wrong                         exit code 2
+    ├── InputError              what was read is not what it should be           exit code 1
+    │   ├── FormatError         malformed, truncated, or not the claimed format
+    │   ├── SchemaError         well-formed, but against the schema
+    │   └── LimitError          larger or deeper than ecat is willing to read
+    ├── StoreError              the session or the disk under it                 exit code 1
+    │   ├── NotFoundError       nothing there, or not a session
+    │   ├── ExistsError         the destination is taken
+    │   ├── LockedError         another process is writing
+    │   ├── ReadOnlyError       no permission to read or write
+    │   ├── StaleError          the write was based on an older revision
+    │   ├── CorruptError        the session contradicts its own manifest
+    │   └── DiskError           disk full, I/O error
+    └── MissingExtraError       an optional library is not installed             exit code 1
+
+An error says four things: what could not be done, where the cause is, what happened to the data, and what to do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+
+class EcatError(Exception):
+    """Root of the tree.
+
+    Parameters
+    ----------
+    what : one line, what could not be done (``cannot import Session1/files.param``).
+    where : the place of the cause (``line 48213, <face> 2: expected 25 cells in <code>, found 24``), or empty.
+    consequence : what happened to the data (``nothing was written to out/``), or empty.
+    fix : what to do (``ecat import --skip-bad-markers ...``), or empty.
+    """
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, what: str, *, where: str = "", consequence: str = "", fix: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = where
+        self.consequence = consequence
+        self.fix = fix
+
+    def __str__(self) -> str:
+        lines = [self.what]
+        lines += [f"  {line}" for line in (self.where, self.consequence) if line]
+        if self.fix:
+            lines.append(f"  try: {self.fix}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, str]:
+        """The same as data, for ``--json`` and for HTTP."""
+        return {
+            "error": type(self).__name__,
+            "what": self.what,
+            "where": self.where,
+            "consequence": self.consequence,
+            "fix": self.fix,
+        }
+
+
+class UsageError(EcatError):
+    """The call itself is wrong: unknown option, impossible combination."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class InputError(EcatError):
+    """What was read is not what it should be."""
+
+
+class FormatError(InputError):
+    """Malformed, truncated, or not of the claimed format."""
+
+
+class SchemaError(InputError):
+    """Well-formed, but against the schema; ``problems`` lists every finding, each with its path."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        problems: tuple[str, ...] = (),
+        where: str = "",
+        consequence: str = "",
+        fix: str = "",
+    ) -> None:
+        super().__init__(
+            what, where=where or "; ".join(problems[:3]), consequence=consequence, fix=fix
+        )
+        self.problems = problems
+
+    def to_dict(self) -> dict[str, str]:
+        return {**super().to_dict(), "problems": "\n".join(self.problems)}
+
+
+class LimitError(InputError):
+    """Larger or deeper than ecat is willing to read."""
+
+
+class StoreError(EcatError):
+    """The session on disk, or the disk under it."""
+
+
+class NotFoundError(StoreError):
+    """Nothing there, or not a session."""
+
+
+class ExistsError(StoreError):
+    """The destination is taken."""
+
+
+class LockedError(StoreError):
+    """Another process is writing to the session."""
+
+
+class ReadOnlyError(StoreError):
+    """No permission to read or to write."""
+
+
+class StaleError(StoreError):
+    """The write was based on an older revision."""
+
+
+class CorruptError(StoreError):
+    """The session contradicts its own manifest."""
+
+
+class DiskError(StoreError):
+    """Disk full, or an I/O error."""
+
+
+class MissingExtraError(EcatError):
+    """An optional library is not installed; ``fix`` names the extra."""
+
+
+def os_error(error: OSError, what: str, path: Path | str, consequence: str = "") -> EcatError:
+    """The typed error for an ``OSError`` met while doing ``what`` at ``path``."""
+    where = f"{path}: {error.strerror or error}"
+    kinds: dict[type[OSError], tuple[type[EcatError], str]] = {
+        FileNotFoundError: (NotFoundError, "check the path"),
+        NotADirectoryError: (NotFoundError, "check the path"),
+        IsADirectoryError: (FormatError, "name the file, not the folder that holds it"),
+        FileExistsError: (ExistsError, "choose another destination"),
+        PermissionError: (ReadOnlyError, "check who owns the folder and may write to it"),
+    }
+    for kind, (made, fix) in kinds.items():
+        if isinstance(error, kind):
+            return made(what, where=where, consequence=consequence, fix=fix)
+    return DiskError(
+        what, where=where, consequence=consequence, fix="free some space or check the disk, then run it again"
+    )

@@ -1,0 +1,57 @@
+"""Foreign formats: recordings and annotations of other programs in, the same and data sets out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ecat.errors import UsageError
+from ecat.formats import registry
+from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport
+from ecat.progress import Progress, silent
+
+__all__ = ["ExportReport", "Format", "ImportOptions", "ImportReport", "export", "import_source", "registry"]
+
+
+def import_source(
+    source: Path,
+    dest: Path,
+    *,
+    format: str | None = None,  # noqa: A002  (the name of the option)
+    skip_bad_markers: bool = False,
+    keep_going: bool = False,
+    progress: Progress = silent,
+) -> ImportReport:
+    """Turn a foreign recording into a session, project or workspace at ``dest``.
+
+    Raises
+    ------
+    UsageError : unknown format, or one that is only written.
+    InputError : the source cannot be read; nothing is left at ``dest``.
+    StoreError : ``dest`` is taken or cannot be written; nothing is left there.
+    """
+    source, dest = Path(source), Path(dest)
+    chosen = registry.find(format) if format is not None else registry.sniff(source)
+    if chosen.read is None:
+        raise UsageError(f"the format {chosen.name} is only written, not read", fix="ecat formats")
+    options = ImportOptions(skip_bad_markers=skip_bad_markers, keep_going=keep_going)
+    return chosen.read(source, dest, options, progress)
+
+
+def export(
+    path: Path,
+    dest: Path,
+    *,
+    format: str,  # noqa: A002  (the name of the option)
+    progress: Progress = silent,
+) -> ExportReport:
+    """Write the session, project or workspace at ``path`` in a foreign format.
+
+    Raises
+    ------
+    UsageError : unknown format, or one that is only read.
+    StoreError : ``path`` is no session, or ``dest`` is taken or cannot be written; nothing is left there.
+    """
+    chosen = registry.find(format)
+    if chosen.write is None:
+        raise UsageError(f"the format {chosen.name} is only read, not written", fix="ecat formats")
+    return chosen.write(Path(path), Path(dest), progress)

@@ -1,0 +1,243 @@
+"""One ECAT session folder: to a draft of a session, and back (ECAT 2018 file format §1.1)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ecat.errors import os_error
+from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write_body_scheme
+from ecat.formats.ecat2018.elements import PREFIX
+from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
+from ecat.formats.ecat2018.files_param_write import file_name, files_param
+from ecat.formats.ecat2018.marks import mark_batches
+from ecat.formats.ecat2018.rig import RIG_SCHEMA, frames_nearest, read_rig, write_rig
+from ecat.formats.format import ImportOptions
+from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
+from ecat.geometry.records import camera_record
+from ecat.model import Camera, Layer, Manifest, Provenance, Stream
+from ecat.store import Draft, Session, TableData, write_new_file
+from ecat.tables import JOINTS
+
+SESSION_FILE = "files.param"
+LEFTOVER = "~files.param"
+_KINDS = {".avi": "color", ".mkv": "color", ".mp4": "color", ".dep": "depth"}
+_JOINTS_OUT = ("t_ns", "x", "y", "z", "u_px", "v_px", "state")
+
+
+# ---------------------------------------------------------------------------------------------- reading
+
+
+def draft_of(folder: Path, options: ImportOptions, findings: list[str]) -> Draft:
+    """Read one session folder; one without ``files.param`` is a valid, empty session.
+
+    Raises
+    ------
+    InputError : a file of the session cannot be read.
+    """
+    file = folder / SESSION_FILE
+    if (folder / LEFTOVER).exists():
+        findings.append(f"{folder.name}/{LEFTOVER} is left of an interrupted save; not imported")
+    if file.exists():
+        said = read_files_param(file, skip_bad_markers=options.skip_bad_markers)
+    else:
+        said = SessionFile(name=folder.name, foreign={"file": "absent"})
+    streams, sources = _streams(folder, said)
+    tables = _mark_tables(said)
+    if joints := _joints(folder, said):
+        tables["joints"] = joints
+    findings += [f"{folder.name}: {finding}" for finding in said.findings]
+    foreign = {PREFIX + key: value for key, value in said.foreign.items()}
+    if said.name != folder.name:
+        foreign[PREFIX + "name"] = said.name
+    kinect = bool(said.faces_3d or joints or any(stream.kind == "depth" for stream in streams))
+    manifest = Manifest(
+        name=folder.name,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        n_frames=said.n_frames,
+        clock=said.clock,
+        cameras=_kinect_cameras() if kinect else (),
+        streams=streams,
+        provenance=Provenance(format="ecat-2018", source=folder.name, notes=tuple(said.findings)),
+        foreign=foreign,
+    )
+    return Draft(manifest=manifest, layers=(said.layer,), tables=tables, files=sources)
+
+
+def _kinect_cameras() -> tuple[Camera, ...]:
+    # the sensor's own calibration was never stored: these are fits over many recordings
+    return camera_record(KINECT_V2_COLOR, "fitted"), camera_record(KINECT_V2_DEPTH, "fitted")
+
+
+def _mark_tables(said: SessionFile) -> dict[str, TableData]:
+    return {
+        f"markers_{dimensions}d": TableData(data=mark_batches(groups, said.book, said.clock, said.n_frames))
+        for dimensions, groups in ((2, said.faces_2d), (3, said.faces_3d))
+        if groups
+    }
+
+
+def _inside(folder: Path, name: str) -> Path | None:
+    """The file that a session names, if it is there and really inside the session's folder."""
+    if "\\" in name or not name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        return None
+    path = folder / name
+    return path if path.is_file() and path.resolve().is_relative_to(folder.resolve()) else None
+
+
+def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[str, Path]]:
+    """The files that the session lists, and others that lie in its folder."""
+    listed = list(dict.fromkeys(said.files))
+    if listed != said.files:
+        said.findings.append("a file is listed twice")
+        said.foreign["files"] = "\n".join(said.files)
+    try:
+        there = sorted(path.name for path in folder.iterdir() if path.is_file())
+    except OSError as error:
+        raise os_error(error, f"cannot import {folder.name}", folder, "nothing was written") from error
+    others = [name for name in there if name not in listed and name not in (SESSION_FILE, LEFTOVER)]
+    if others:
+        said.foreign["unlisted"] = "\n".join(others)
+    streams: list[Stream] = []
+    sources: dict[str, Path] = {}
+    taken: set[str] = set()
+    for name in (*listed, *others):
+        path = _inside(folder, name)
+        target = _target(name, taken)
+        video = _KINDS.get(PurePosixPath(name.lower()).suffix, "other")
+        kind = "skeleton" if re.fullmatch(r"rig_.*\.xml", name) else video
+        streams.append(
+            Stream(
+                name=name,
+                kind=kind,  # pyright: ignore[reportArgumentType]
+                file=f"media/{target}" if path is not None else "",
+                present=path is not None,
+                camera=kind if kind in ("color", "depth") else "",
+                n_frames=said.n_frames if kind == "color" else None,
+            )
+        )
+        if path is not None:
+            sources[name] = path
+    return tuple(streams), sources
+
+
+def _target(name: str, taken: set[str]) -> str:
+    base = PurePosixPath(name.replace("\\", "/")).name or "file"
+    target, count = base, 1
+    while target.lower() in taken:
+        count += 1
+        target = f"{count}_{base}"
+    taken.add(target.lower())
+    return target
+
+
+def _joints(folder: Path, said: SessionFile) -> TableData | None:
+    """The skeletons of the session's rigs, on the video's frames (nearest in time)."""
+    parts: list[pa.Table] = []
+    rigs: dict[str, pa.Table] = {}
+    for thing in said.layer.objects:
+        if thing.kind != "rig":
+            continue
+        values = {p.name: p.value for p in thing.properties}
+        source = _inside(folder, re.split(r"[\\/]", values.get("source", ""))[-1])
+        if source is None:
+            continue
+        if source.name not in rigs:
+            scheme_file = _inside(folder, re.split(r"[\\/]", values.get("sourceScheme", ""))[-1])
+            scheme = read_body_scheme(scheme_file) if scheme_file is not None else KINECT_V2
+            rig = read_rig(source, scheme)
+            said.findings += [f"{source.name}: {finding}" for finding in rig.findings]
+            rigs[source.name] = rig.joints
+        index = values.get("rigIndex", "")
+        rows = rigs[source.name]
+        if index.isdigit():
+            rows = rows.filter(pc.equal(rows["body"], pa.scalar(int(index) % 128, pa.int8())))
+        if rows.num_rows:
+            parts.append(_on_frames(rows, thing.id, said))
+    if not parts:
+        return None
+    return TableData(data=pa.concat_tables(parts).sort_by([("frame", "ascending"), ("body", "ascending")]))
+
+
+def _on_frames(rows: pa.Table, object_id: str, said: SessionFile) -> pa.Table:
+    times = [said.clock.t_ns(frame, said.n_frames) for frame in range(said.n_frames)]
+    if times and times[0] is not None and rows["t_ns"].null_count == 0:
+        frames = frames_nearest(np.asarray(rows["t_ns"]), np.array(times, np.int64))
+    else:
+        frames = np.asarray(rows["counter"]).astype(np.int32) - 1
+    n = rows.num_rows
+    columns = {
+        "frame": pa.array(frames, pa.int32()),
+        "object_id": pa.array([object_id] * n, pa.string()).dictionary_encode(),
+        "body": rows["body"],
+        "joint": rows["joint"],
+    } | {name: rows[name] for name in _JOINTS_OUT}
+    return pa.table([columns[name] for name in JOINTS.arrow.names], schema=JOINTS.arrow)
+
+
+# ---------------------------------------------------------------------------------------------- writing
+
+
+def write_session(session: Session, folder: Path, findings: list[str]) -> None:
+    """Write the session's files into ``folder``, an existing folder that is being made."""
+    manifest = session.manifest
+    layer = session.layer("main") if manifest.layer("main") is not None else Layer()
+    extra = [record.name for record in manifest.layers if record.name != "main"]
+    findings += [f"{session.name}: ECAT has one layer; {name!r} was left out" for name in extra]
+
+    def read(name: str) -> pa.Table | None:
+        return session.table(name).to_arrow() if session.has_table(name) else None
+
+    found: list[str] = []
+    empty = manifest.foreign.get(PREFIX + "file") == "absent" and not (layer.objects or layer.events)
+    if not empty:
+        write_new_file(folder / SESSION_FILE, files_param(manifest, layer, read, found))
+    for stream in manifest.streams:
+        name = file_name(manifest, stream)
+        if stream.present:
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_new_file(target, _pieces(session.stream_path(stream.name)))
+        elif stream.kind == "skeleton" and session.has_table("joints"):
+            write_new_file(folder / name, write_rig(_rig_rows(session.table("joints").to_arrow())))
+        elif name.lower() == "bodyscheme.xml":
+            write_new_file(folder / name, [write_body_scheme(KINECT_V2)])
+    findings += [f"{session.name}: {finding}" for finding in found]
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while piece := file.read(1 << 20):
+            yield piece
+
+
+def _rig_rows(joints: pa.Table) -> pa.Table:
+    """The joints table as records of a rig file; what ECAT has and the table has not is left empty."""
+    n_joints = len(KINECT_V2.joints)
+    order = {joint.name: i for i, joint in enumerate(KINECT_V2.joints)}
+    rank = pa.array([order.get(name, n_joints) for name in joints["joint"].to_pylist()], pa.int32())
+    rows = joints.append_column("rank", rank).filter(pc.less(rank, pa.scalar(n_joints)))
+    rows = rows.sort_by([("frame", "ascending"), ("body", "ascending"), ("rank", "ascending")])
+    n = rows.num_rows
+    states = {"tracked": 1.0, "inferred": 0.0}
+    blank = pa.nulls(n, pa.float64())
+    columns = {
+        "record": pa.array(np.arange(n) // n_joints, pa.int32()),
+        "t_ns": rows["t_ns"],
+        "recorded_at": pa.nulls(n, pa.timestamp("us")),
+        "counter": pc.add(rows["frame"], pa.scalar(1, pa.int32())),
+        "body": rows["body"],
+        "joint": rows["joint"],
+        "depth_u_px": blank,
+        "depth_v_px": blank,
+        "confidence": pa.array([states.get(s or "", 0.5) for s in rows["state"].to_pylist()], pa.float64()),
+        "state": rows["state"],
+    } | {name: rows[name] for name in ("x", "y", "z", "u_px", "v_px")}
+    return pa.table([columns[field.name] for field in RIG_SCHEMA], schema=RIG_SCHEMA)
+

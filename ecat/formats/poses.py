@@ -1,0 +1,90 @@
+"""The poses of a session or a whole project as one Parquet file.
+
+One row per frame and box: ``action`` (the project's folder), ``session``, ``frame``, ``object`` (its name), ``x``, ``y``, ``z``
+(metres in the table frame), ``rotation`` (about the table's normal), ``roll``, ``pitch`` (radians), ``observed``, ``residual``
+(pixels), ``source``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ecat.errors import NotFoundError
+from ecat.formats.format import ExportReport, Format
+from ecat.geometry.transforms import euler_from_quaternion
+from ecat.progress import Progress
+from ecat.store import Session, find_sessions, open_session, staged_file
+
+SCHEMA = pa.schema(
+    [
+        ("action", pa.string()),
+        ("session", pa.string()),
+        ("frame", pa.int32()),
+        ("object", pa.string()),
+        *((name, pa.float64()) for name in ("x", "y", "z", "rotation", "roll", "pitch")),
+        ("observed", pa.bool_()),
+        ("residual", pa.float64()),
+        ("source", pa.string()),
+    ]
+)
+
+
+def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
+    """Write the poses of every session at ``path``; the smoothed ones where there are any.
+
+    Raises
+    ------
+    NotFoundError : no session has poses yet.
+    """
+    sessions = find_sessions(path)
+    findings: list[str] = []
+    written = 0
+    with staged_file(dest, replace=True) as staging, pq.ParquetWriter(staging, SCHEMA, compression="zstd") as out:
+        for done, folder in enumerate(sessions):
+            progress(folder.name, done, len(sessions))
+            session = open_session(folder)
+            if not session.has_table("poses"):
+                findings.append(f"{folder.name}: no poses yet; left out")
+                continue
+            out.write_table(_rows(session))
+            written += 1
+        if not written:
+            raise NotFoundError(
+                f"cannot export the poses of {path}",
+                where=f"none of its {len(sessions)} sessions has a table of poses",
+                consequence="nothing was written",
+                fix=f"ecat process {path}",
+            )
+    progress(path.name, len(sessions), len(sessions))
+    return ExportReport(path=dest, format="poses", sessions=written, findings=tuple(findings))
+
+
+def _rows(session: Session) -> pa.Table:
+    name = "poses_smooth" if session.has_table("poses_smooth") else "poses"
+    poses = session.table(name).to_arrow()
+    objects = session.objects.to_arrow().to_pylist()
+    names = {row["object_id"]: row["name"] for row in objects}
+    quaternions = np.column_stack([np.asarray(poses[q]) for q in ("qx", "qy", "qz", "qw")])
+    roll, pitch, yaw = euler_from_quaternion(quaternions)
+    n = poses.num_rows
+    sources = poses["source"].to_pylist()
+    angles = {"rotation": yaw, "roll": roll, "pitch": pitch}
+    columns = {
+        "action": pa.array([session.path.resolve().parent.name] * n),
+        "session": pa.array([session.name] * n),
+        "frame": poses["frame"],
+        "object": pa.array([names.get(o, o) for o in poses["object_id"].to_pylist()]),
+        **{axis: poses[axis] for axis in ("x", "y", "z")},
+        **{axis: pa.array(values, from_pandas=True) for axis, values in angles.items()},
+        "observed": pa.array([source == "observed" for source in sources]),
+        "residual": poses["residual_px"],
+        "source": pa.array(sources, pa.string()),
+    }
+    return pa.table([columns[field.name] for field in SCHEMA], schema=SCHEMA)
+
+
+FORMAT = Format(name="poses", description="block poses as one Parquet file", write=write)

@@ -1,0 +1,279 @@
+"""Poses of marked boxes from what is seen of their corners, for all frames at once.
+
+A batched, robust Levenberg-Marquardt with closed-form derivatives: every frame is solved from its own corners
+only.  The pose is that of the box in the ``table`` frame; a box that rests on the table has three degrees of
+freedom, one in a hand has six.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecat.geometry.cameras import Camera
+from ecat.geometry.transforms import Floats, Rigid, matrix_about_z, matrix_from_rotvec, skew
+
+RESTING: tuple[int, ...] = (0, 1, 5)  # of x, y, z, and turns about the table's x, y, z
+FREE: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+Rows: TypeAlias = NDArray[np.integer] | NDArray[np.bool_] | slice
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What an error of a corner looks like: standard deviations per coordinate, and where the loss gives up.
+
+    A detector that takes the outermost pixel of a blob for a corner (ECAT 2018 file format §2.1) knows the place
+    of a blunt or a pointed corner badly *across* its bisector: there the spread is
+    ``sigma_px * (1 + skid * ((angle - 85 deg) / 40 deg)**2)``, along the bisector it is ``sigma_px``.
+    The loss is Cauchy's: a corner ``cauchy`` standard deviations off counts half.
+    """
+
+    sigma_px: float = 0.5
+    sigma_point_m: float = 0.006
+    skid: float = 1.2
+    cauchy: float = 4.0
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Corners of one box in n frames, in the marker's own order, NaN where not seen.
+
+    ``pixels`` (n, faces, 4, 2); ``points`` (n, faces, 4, 3) in the camera's reference frame, metres;
+    ``sharpness`` (n, faces, 4, 2, 2) turns a pixel error into one of equal spread in all directions.
+    """
+
+    pixels: Floats
+    points: Floats
+    sharpness: Floats
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def __getitem__(self, rows: Rows) -> Sightings:
+        return Sightings(self.pixels[rows], self.points[rows], self.sharpness[rows])
+
+    def only_face(self, face: int) -> Sightings:
+        """The same with every other face hidden."""
+        hide = np.arange(self.pixels.shape[1]) != face
+        pixels, points = self.pixels.copy(), self.points.copy()
+        pixels[:, hide], points[:, hide] = np.nan, np.nan
+        return Sightings(pixels, points, self.sharpness)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands still during a session: the camera, the table (camera-from-table), a box's marker corners
+    (faces, 4, 3) in box axes, and the height of its centre when it rests.
+    """
+
+    camera: Camera
+    table: Rigid
+    corners: Floats
+    rest_height_m: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Poses table-from-box of n frames with their quality.
+
+    ``cost`` (n,) robust, in units of variance; ``covariance`` (n, 6, 6) of x, y, z and the turns about the
+    table's axes, zero for degrees of freedom that were held; ``weights`` (n, faces, 4) between 0 (unseen, or
+    far off) and 1; ``errors_px`` (n, faces, 4) of the 2-D corners, NaN where not seen.
+    """
+
+    pose: Rigid
+    cost: Floats
+    covariance: Floats
+    weights: Floats
+    errors_px: Floats
+
+    def where(self, choose: NDArray[np.bool_], other: Fit) -> Fit:
+        """This fit in the chosen frames (n,), the other one elsewhere."""
+        pose = _pick_pose(choose, self.pose, other.pose)
+        return Fit(
+            pose,
+            _pick(choose, self.cost, other.cost),
+            _pick(choose, self.covariance, other.covariance),
+            _pick(choose, self.weights, other.weights),
+            _pick(choose, self.errors_px, other.errors_px),
+        )
+
+    def __getitem__(self, rows: Rows) -> Fit:
+        pose = Rigid(self.pose.rotation[rows], self.pose.translation[rows])
+        return Fit(pose, self.cost[rows], self.covariance[rows], self.weights[rows], self.errors_px[rows])
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Whitened residuals with derivatives at a pose; a 2-D corner has two rows, a 3-D corner three.
+
+    ``gap`` (n, k, 4, d): measured minus predicted; ``by_point`` (n, k, 4, d, 3): derivative of the prediction by
+    the corner's place in the table frame; ``weights`` (n, k, 4); ``cost`` (n,).
+    """
+
+    gap: Floats
+    by_point: Floats
+    weights: Floats
+    cost: Floats
+
+
+Pair: TypeAlias = tuple[Linear, Linear]
+
+
+def corner_sharpness(pixels: Floats, noise: Noise) -> Floats:
+    """``Sightings.sharpness`` (..., 4, 2, 2) of quadrilaterals (..., 4, 2)."""
+    to_next, to_last = np.roll(pixels, -1, -2) - pixels, np.roll(pixels, 1, -2) - pixels
+    to_next = to_next / np.linalg.norm(to_next, axis=-1, keepdims=True)
+    to_last = to_last / np.linalg.norm(to_last, axis=-1, keepdims=True)
+    angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1))
+    across = to_next - to_last
+    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    excess = noise.skid * ((angle - np.radians(85)) / np.radians(40)) ** 2
+    return np.eye(2) - (excess / (1 + excess))[..., None, None] * across[..., :, None] * across[..., None, :]
+
+
+def place(pose: Rigid, corners: Floats) -> Floats:
+    """Corners (n, faces, 4, 3) in the table frame."""
+    return np.einsum("nij,fkj->nfki", pose.rotation, corners) + pose.translation[:, None, None]
+
+
+def linearise(seen: Sightings, scene: Scene, placed: Floats, noise: Noise) -> Pair:
+    """Residuals of the 2-D and of the 3-D corners at corners placed in the table frame (n, faces, 4, 3)."""
+    camera_points = scene.table.apply(placed)
+    expected, by_point = scene.camera.project_jacobian(camera_points)
+    gap = np.einsum("...ij,...j->...i", seen.sharpness, seen.pixels - expected)
+    flat = _weigh(gap, seen.sharpness @ (by_point @ scene.table.rotation), noise.sigma_px, noise.cauchy)
+    turn = np.broadcast_to(scene.table.rotation, (*placed.shape[:-1], 3, 3))
+    solid = _weigh(seen.points - camera_points, turn, noise.sigma_point_m, noise.cauchy)
+    return flat, solid
+
+
+def _weigh(gap: Floats, by_point: Floats, sigma: float, cauchy: float) -> Linear:
+    seen = np.isfinite(gap).all(-1)
+    gap = np.where(seen[..., None], gap, 0.0) / sigma
+    squared = (gap**2).sum(-1) / cauchy**2
+    by_point = np.where(seen[..., None, None], by_point, 0.0) / sigma
+    return Linear(gap, by_point, seen / (1 + squared), cauchy**2 * np.log1p(squared).sum((1, 2)))
+
+
+def motion(placed: Floats, pose: Rigid, freedom: Sequence[int]) -> Floats:
+    """Derivatives (n, faces, 4, 3, m) of placed corners by the degrees of freedom of the pose."""
+    out = np.zeros((*placed.shape, 6))
+    out[..., :, :3] = np.eye(3)
+    out[..., :, 3:] = -skew(placed - pose.translation[:, None, None])
+    return out[..., list(freedom)]
+
+
+def normal_equations(parts: Pair, moves: Floats) -> tuple[Floats, Floats]:
+    """Hessians (n, m, m) and gradients (n, m) of the weighted least squares."""
+    n, m = len(moves), moves.shape[-1]
+    hessian, gradient = np.zeros((n, m, m)), np.zeros((n, m))
+    for part in parts:
+        rows = (part.by_point @ moves).reshape(n, -1, m)
+        weight = np.repeat(part.weights.reshape(n, -1), part.gap.shape[-1], axis=1)
+        weighted = np.swapaxes(rows * weight[..., None], 1, 2)
+        hessian += weighted @ rows
+        gradient += (weighted @ part.gap.reshape(n, -1, 1))[..., 0]
+    return hessian, gradient
+
+
+def refine(
+    seen: Sightings, scene: Scene, start: Rigid, noise: Noise, *, freedom: Sequence[int], steps: int = 12
+) -> Fit:
+    """Move poses table-from-box (n) downhill to the nearest minimum of the robust cost.
+
+    Levenberg-Marquardt, each frame with its own damping; it ends when no frame moves any more.
+    """
+    pose, held = start, list(freedom)
+    damping = np.full(len(seen), 1e-3)
+    placed = place(pose, scene.corners)
+    parts = linearise(seen, scene, placed, noise)
+    for _ in range(steps):
+        step = _damped_step(parts, motion(placed, pose, held), damping, held)
+        trial = Rigid(matrix_from_rotvec(step[:, 3:]) @ pose.rotation, pose.translation + step[:, :3])
+        trial_placed = place(trial, scene.corners)
+        trial_parts = linearise(seen, scene, trial_placed, noise)
+        better = trial_parts[0].cost + trial_parts[1].cost <= parts[0].cost + parts[1].cost
+        pose = _pick_pose(better, trial, pose)
+        placed = _pick(better, trial_placed, placed)
+        parts = _pick_linear(better, trial_parts[0], parts[0]), _pick_linear(better, trial_parts[1], parts[1])
+        damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-9, 1e6)
+        if np.abs(step[better]).max(initial=0) < 1e-6:
+            break
+    hessian, _ = normal_equations(parts, motion(placed, pose, held))
+    covariance = np.zeros((len(seen), 6, 6))
+    covariance[np.ix_(range(len(seen)), held, held)] = np.linalg.pinv(hessian, hermitian=True)
+    errors = np.linalg.norm(seen.pixels - scene.camera.project(scene.table.apply(placed)), axis=-1)
+    weights = np.where(np.isfinite(seen.pixels).all(-1), parts[0].weights, parts[1].weights)
+    return Fit(pose, parts[0].cost + parts[1].cost, covariance, weights, errors)
+
+
+def _damped_step(parts: Pair, moves: Floats, damping: Floats, held: list[int]) -> Floats:
+    """Steps (n, 6), zero where held, small enough for the derivatives to mean something."""
+    hessian, gradient = normal_equations(parts, moves)
+    scale = damping * (np.einsum("nii->ni", hessian).mean(1) + 1e-9)
+    step = np.zeros((len(gradient), 6))
+    step[:, held] = np.linalg.solve(hessian + scale[:, None, None] * np.eye(len(held)), gradient[..., None])[..., 0]
+    return np.clip(step, -0.2, 0.2)
+
+
+def _pick(choose: NDArray[np.bool_], a: Floats, b: Floats) -> Floats:
+    return np.where(choose.reshape(-1, *([1] * (a.ndim - 1))), a, b)
+
+
+def _pick_pose(choose: NDArray[np.bool_], a: Rigid, b: Rigid) -> Rigid:
+    return Rigid(_pick(choose, a.rotation, b.rotation), _pick(choose, a.translation, b.translation))
+
+
+def _pick_linear(choose: NDArray[np.bool_], a: Linear, b: Linear) -> Linear:
+    return Linear(
+        _pick(choose, a.gap, b.gap),
+        _pick(choose, a.by_point, b.by_point),
+        _pick(choose, a.weights, b.weights),
+        _pick(choose, a.cost, b.cost),
+    )
+
+
+def resting_start(seen: Sightings, scene: Scene) -> Rigid:
+    """Closed-form poses table-from-box (n) of boxes taken to rest on the table.
+
+    The height of every corner is then known, so its viewing ray meets its height in one point of the table;
+    position and turn follow by Procrustes' method in the plane.  3-D corners stand in for unseen 2-D ones.
+    """
+    level = scene.corners[..., 2] + scene.rest_height_m
+    view = scene.table.inverse() @ scene.camera.from_reference.inverse()
+    rays = scene.camera.unproject(seen.pixels) @ view.rotation.T
+    hit = view.translation + ((level - view.translation[2]) / rays[..., 2])[..., None] * rays
+    solid = scene.table.inverse().apply(seen.points)
+    flat = np.where(np.isfinite(hit), hit, solid)[..., :2].reshape(len(seen), -1, 2)
+    known = np.broadcast_to(scene.corners[..., :2].reshape(-1, 2), flat.shape)
+    a, b, middle, middle_known = _centred(flat, known)
+    yaw = np.arctan2((a[..., 1] * b[..., 0] - a[..., 0] * b[..., 1]).sum(1), (a * b).sum((1, 2)))
+    turn = matrix_about_z(yaw)
+    xy = middle - np.einsum("nij,nj->ni", turn[:, :2, :2], middle_known)
+    return Rigid(turn, np.concatenate([xy, np.full((len(seen), 1), scene.rest_height_m)], 1))
+
+
+def solid_start(seen: Sightings, scene: Scene) -> Rigid:
+    """Poses table-from-box (n) by Procrustes' method in space on the 3-D corners; at least three make sense."""
+    points = seen.points.reshape(len(seen), -1, 3)
+    known = np.broadcast_to(scene.corners.reshape(-1, 3), points.shape)
+    a, b, middle, middle_known = _centred(points, known)
+    u, _, vt = np.linalg.svd(np.swapaxes(a, 1, 2) @ b)
+    u[..., 2] *= np.linalg.det(u @ vt)[:, None]
+    turn = u @ vt
+    return scene.table.inverse() @ Rigid(turn, middle - np.einsum("nij,nj->ni", turn, middle_known))
+
+
+def _centred(found: Floats, known: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Point sets (n, k, d) about their means over the finite points of the first, zero elsewhere; the means."""
+    use = np.isfinite(found).all(-1)[..., None]
+    count = np.maximum(use.sum(1), 1)
+    middle = np.where(use, found, 0.0).sum(1) / count
+    middle_known = np.where(use, known, 0.0).sum(1) / count
+    about = np.where(use, found - middle[:, None], 0.0)
+    return about, np.where(use, known - middle_known[:, None], 0.0), middle, middle_known

@@ -1,0 +1,13 @@
+"""How long work tells how far it is, without knowing who listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how many units are done, and how many there are (0 when unknown)."""
+
+
+def silent(what: str, done: int, total: int) -> None:
+    """Say nothing."""
+    del what, done, total

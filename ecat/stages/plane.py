@@ -1,0 +1,169 @@
+"""The table's plane: from polygons that a person drew, and from the boxes that stand on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ecat.errors import InputError
+from ecat.geometry.boxes import box_corners, square_poses
+from ecat.geometry.boxfit import Noise
+from ecat.geometry.bundle import Priors, Track, adjust
+from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
+from ecat.geometry.planes import PlaneFit, fit_plane, plane_frame
+from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion, quaternion_from_matrix
+from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
+from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
+from ecat.stages.stage import Stage, Tables
+from ecat.tables import TABLE_PLANE
+
+MIN_BOX_FRAMES = 20
+"""Fewer frames with boxes say less about the table than the polygon does."""
+
+
+@dataclass(frozen=True)
+class PlaneParameters:
+    """``surface``: object id of the polygon on the table (empty: every 3-D polygon of the session).
+
+    ``tolerance_m``: largest distance of a polygon point that is believed; annotated points are up to 21 mm off.
+    ``every``: only every so manieth frame with boxes is used, neighbours being nearly alike.
+    """
+
+    prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
+    camera: Camera = KINECT_V2_COLOR
+    noise: Noise = field(default_factory=Noise)
+    priors: Priors = field(default_factory=Priors)
+    surface: str = ""
+    tolerance_m: float = 0.015
+    every: int = 6
+
+
+def fit_table(
+    polygon: Floats,
+    markers_2d: pa.Table | None = None,
+    markers_3d: pa.Table | None = None,
+    parameters: PlaneParameters | None = None,
+) -> pa.Table:
+    """The table ``table_plane``, one row for the whole session.
+
+    Parameters
+    ----------
+    polygon : (n, 3) points on the table in ``camera/depth``, all key frames together, NaN = missing; may be empty.
+    markers_2d, markers_3d : boxes that mostly stand on the table; None if there are none.
+
+    Raises
+    ------
+    InputError : neither the polygon nor the boxes determine a plane.
+    """
+    parameters = parameters or PlaneParameters()
+    polygon = np.asarray(polygon, float).reshape(-1, 3)
+    boxes: list[BoxSightings] = []
+    if markers_2d is not None:
+        faces = read_faces(markers_2d, markers_3d, parameters.camera)
+        boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
+        boxes = [box for box in boxes if len(box.frame) >= MIN_BOX_FRAMES]
+    drawn = np.isfinite(polygon).all(1).sum() >= 3
+    if drawn:
+        start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
+    elif boxes:
+        start = fit_plane(standing_points(boxes, parameters.prototypes, parameters.camera), tolerance_m=0.03)
+    else:
+        raise InputError(
+            "cannot fit the table's plane",
+            where=f"{np.isfinite(polygon).all(1).sum()} polygon points, no boxes",
+            consequence="no table_plane was made",
+            fix="draw the table as a 3-D polygon, or give the prototypes of the boxes that stand on it",
+        )
+    if not boxes:
+        return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
+    tracks = [Track(0, box.prototype, box.seen[:: parameters.every]) for box in boxes]
+    first = plane_frame(start.normal, start.offset)
+    bundle = adjust(
+        tracks,
+        [first],
+        parameters.prototypes,
+        parameters.camera,
+        parameters.noise,
+        polygons=[polygon] if drawn else [],
+        priors=parameters.priors,
+        fixed_prototypes=True,
+    )
+    fit = _on(bundle.tables[0], polygon if drawn else np.empty((0, 3)), parameters.tolerance_m)
+    frame = plane_frame(fit.normal, fit.offset)
+    seen = sum(len(track.seen) for track in tracks)
+    return _rows(fit, frame, "polygon+boxes" if drawn else "boxes", len(polygon) + seen, seen)
+
+
+def standing_points(
+    boxes: Sequence[BoxSightings], prototypes: Sequence[BoxPrototype], camera: Camera
+) -> Floats:
+    """Corners (n, 3) of the faces that boxes stand on, in the camera's reference frame, each from one marker alone."""
+    points: list[Floats] = []
+    for box in boxes:
+        prototype = prototypes[box.prototype]
+        half = np.array(prototype.size_m) / 2
+        base = half * np.array([[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1]])
+        for i, face in enumerate(prototype.faces):
+            pixels = box.seen.pixels[:, i]
+            pixels = pixels[np.isfinite(pixels).all((1, 2))][::10]
+            if not len(pixels):
+                continue
+            marker = Rigid(matrix_from_quaternion(np.array(face.quaternion)), np.array(face.centre)).inverse()
+            for pose in square_poses(pixels, np.full(len(pixels), face.side_m), camera):
+                upright = pose @ marker
+                points.extend(upright.apply(corner) for corner in base)
+    return np.concatenate(points) if points else np.empty((0, 3))
+
+
+def _on(table: Rigid, polygon: Floats, tolerance_m: float) -> PlaneFit:
+    """A plane with the polygon's distances from it."""
+    normal = table.rotation[:, 2]
+    offset = -float(normal @ table.translation)
+    away = np.abs(polygon @ normal + offset)
+    inliers = np.where(np.isfinite(away), away, np.inf) <= tolerance_m
+    rms = float(np.sqrt((away[inliers] ** 2).mean())) if inliers.any() else float("nan")
+    return PlaneFit(normal, offset, inliers, rms, float(away[inliers].max()) if inliers.any() else float("nan"))
+
+
+def _rows(fit: PlaneFit, frame: Rigid, evidence: str, n_points: int, extra: int = 0) -> pa.Table:
+    values: dict[str, object] = {"t_ns": 0, "frame": 0, "d": fit.offset, "rms_m": fit.rms_m, "max_m": fit.max_m}
+    values |= {"n_points": n_points, "n_inliers": int(fit.inliers.sum()) + extra, "evidence": evidence}
+    values |= dict(zip(("nx", "ny", "nz"), fit.normal.tolist(), strict=True))
+    values |= dict(zip(("origin_x", "origin_y", "origin_z"), frame.translation.tolist(), strict=True))
+    values |= dict(zip(("qx", "qy", "qz", "qw"), quaternion_from_matrix(frame.rotation).tolist(), strict=True))
+    schema = TABLE_PLANE.arrow
+    row = {name: None if value != value else value for name, value in values.items()}
+    return pa.Table.from_pylist([{name: row[name] for name in schema.names}], schema=schema)
+
+
+def polygon_points(keyframes: pa.Table, surface: str = "") -> Floats:
+    """Vertices (n, 3) of the 3-D shapes in a ``keyframes`` table, of one object or of all; missing as NaN."""
+    keep = pc.and_(pc.equal(keyframes["dimensions"], 3), pc.is_valid(keyframes["vertex"]))
+    if surface:
+        keep = pc.and_(keep, pc.equal(keyframes["object_id"].cast(pa.string()), surface))
+    rows = keyframes.filter(keep)
+    columns = [np.asarray(rows[axis].to_numpy(zero_copy_only=False), float) for axis in "xyz"]
+    return np.stack(columns, -1)
+
+
+def _run(tables: Tables, parameters: PlaneParameters) -> dict[str, pa.Table]:
+    keyframes = tables.get("keyframes")
+    polygon = polygon_points(keyframes, parameters.surface) if keyframes is not None else np.empty((0, 3))
+    plane = fit_table(polygon, tables.get("markers_2d"), tables.get("markers_3d"), parameters)
+    return {"table_plane": plane}
+
+
+PLANE = Stage(
+    name="plane",
+    version=1,
+    inputs=("keyframes", "markers_2d", "markers_3d"),
+    outputs=("table_plane",),
+    parameters=PlaneParameters,
+    run=_run,
+    optional=("keyframes", "markers_2d", "markers_3d"),
+)
+

@@ -1,0 +1,143 @@
+"""Poses of marked boxes in the ``table`` frame, frame by frame, without looking at any other frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ecat.errors import InputError
+from ecat.geometry.boxfit import Noise
+from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses
+from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
+from ecat.geometry.transforms import Floats, Rigid, quaternion_from_matrix
+from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
+from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
+from ecat.stages.stage import Stage, Tables
+from ecat.tables import POSES
+
+NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "residual_px", "sigma_m", "sigma_rad")
+
+
+@dataclass(frozen=True)
+class PoseParameters:
+    """``prototypes`` should be calibrated ones; the nominal boxes are a rough default."""
+
+    prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
+    camera: Camera = KINECT_V2_COLOR
+    noise: Noise = field(default_factory=Noise)
+    doubt: Doubt = field(default_factory=Doubt)
+
+
+def table_frame(table_plane: pa.Table) -> Rigid:
+    """camera-from-table of the last row of a ``table_plane`` table.
+
+    Raises
+    ------
+    InputError : the table has no rows.
+    """
+    if not table_plane.num_rows:
+        raise InputError("cannot place boxes on the table", where="table_plane has no rows", fix="fit the plane first")
+    row = table_plane.slice(table_plane.num_rows - 1).to_pylist()[0]
+    quaternion = np.array([row[name] for name in ("qx", "qy", "qz", "qw")])
+    return Rigid.from_quaternion(quaternion, np.array([row[f"origin_{axis}"] for axis in "xyz"]))
+
+
+def estimate_poses(
+    clock: pa.Table,
+    markers_2d: pa.Table | None,
+    markers_3d: pa.Table | None,
+    table_plane: pa.Table,
+    parameters: PoseParameters | None = None,
+) -> pa.Table:
+    """The table ``poses``: a row for every frame of ``clock`` (frame, t_ns) and every box seen in the session.
+
+    Frames in which no face of a box is seen, or none agrees with a pose, have nulls.  3-D corners (metres,
+    ``camera/depth``) help where the 2-D corners leave the distance open, and stand alone where those are missing.
+    """
+    parameters = parameters or PoseParameters()
+    faces = read_faces(markers_2d, markers_3d, parameters.camera)
+    boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
+    table = table_frame(table_plane)
+    found = [
+        box_poses(
+            box.seen, parameters.prototypes[box.prototype], parameters.camera, table, parameters.noise, parameters.doubt
+        )
+        for box in boxes
+    ]
+    return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, found, strict=True)])
+
+
+@dataclass(frozen=True)
+class ObjectPoses:
+    """The poses of one object over all frames (n,), NaN where unknown; ``numbers`` has the columns NUMBERS.
+
+    ``source`` 0 unknown, 1 observed, 2 interpolated; ``free`` only counts where it is known.
+    """
+
+    object_id: str
+    numbers: dict[str, Floats]
+    source: NDArray[np.int64]
+    free: NDArray[np.bool_]
+    n_faces: NDArray[np.int64]
+
+
+def _filled(clock: pa.Table, box: BoxSightings, poses: BoxPoses) -> ObjectPoses:
+    frames = clock["frame"].to_numpy()
+    kept = (poses.n_faces > 0) & np.isin(box.frame, frames)
+    rows = np.searchsorted(frames, box.frame[kept])
+    values = np.concatenate([poses.pose.translation, poses.pose.quaternion], 1).T
+    columns = dict(zip(NUMBERS[:7], values, strict=True))
+    columns |= {"residual_px": poses.residual_px, "sigma_m": poses.sigma_m, "sigma_rad": poses.sigma_rad}
+    numbers = {name: np.full(len(frames), np.nan) for name in NUMBERS}
+    for name, column in columns.items():
+        numbers[name][rows] = column[kept]
+    source, free, n_faces = np.zeros(len(frames), np.int64), np.zeros(len(frames), bool), np.zeros(len(frames), np.int64)
+    source[rows], free[rows], n_faces[rows] = 1, poses.free[kept], poses.n_faces[kept]
+    return ObjectPoses(box.object_id, numbers, source, free, n_faces)
+
+
+def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses]) -> pa.Table:
+    """The objects' poses as one table in the schema of ``poses``, sorted by frame and object."""
+    n, m = clock.num_rows, len(objects)
+    # frame by frame, the objects in order: the transpose of object by object
+    known = np.array([o.source for o in objects], np.int64).reshape(m, n).T.ravel() > 0
+    columns: dict[str, pa.Array] = {}
+    for name in ("t_ns", "frame"):
+        columns[name] = clock[name].combine_chunks().take(pa.array(np.repeat(np.arange(n), m)))
+    columns["object_id"] = pa.array([o.object_id for o in objects] * n, pa.string())
+    for name in NUMBERS:
+        values = np.array([o.numbers[name] for o in objects]).reshape(m, n).T.ravel()
+        columns[name] = pa.array(values, mask=~np.isfinite(values))
+    columns["source"] = _words([o.source for o in objects], [None, "observed", "interpolated"], known)
+    columns["support"] = _words([o.free.astype(np.int64) for o in objects], ["table", "free"], known)
+    n_faces = np.array([o.n_faces for o in objects], np.int16).reshape(m, n).T.ravel()
+    columns["n_faces"] = pa.array(n_faces, mask=~known)
+    arrays = [columns[field.name].cast(field.type) for field in POSES.arrow]
+    return pa.Table.from_arrays(arrays, schema=POSES.arrow)
+
+
+def _words(codes: Sequence[NDArray[np.int64]], words: list[str | None], known: NDArray[np.bool_]) -> pa.Array:
+    flat = np.array(codes, np.int64).reshape(len(codes), -1).T.ravel()
+    return pa.array(np.array(words, dtype=object)[flat], pa.string(), mask=~known)
+
+
+def _run(tables: Tables, parameters: PoseParameters) -> dict[str, pa.Table]:
+    found = estimate_poses(
+        tables["clock"], tables.get("markers_2d"), tables.get("markers_3d"), tables["table_plane"], parameters
+    )
+    return {"poses": found}
+
+
+POSE = Stage(
+    name="pose",
+    version=1,
+    inputs=("clock", "table_plane", "markers_2d", "markers_3d"),
+    outputs=("poses",),
+    parameters=PoseParameters,
+    run=_run,
+    optional=("markers_2d", "markers_3d"),
+)

@@ -1,0 +1,51 @@
+"""The session folder on disk: create, open, read, commit.
+
+    my_session/
+      session.json                    the manifest: everything but the rows
+      media/                          recorded files as they are
+      tables/<name>.parquet           long tables, and the annotations for queries
+      annotations/<layer>.xml         what a person said
+      annotations/<layer>.journal.jsonl
+ Every change is one atomic commit (:mod:`ecat.store.transaction`), one writer at a time
+(:mod:`ecat.store.lock`).
+"""
+
+from __future__ import annotations
+
+from ecat.store.commit import Commit
+from ecat.store.integrity import Fault, adopt_edited_layers, leftovers, remove_leftovers, validate
+from ecat.store.journal import append_journal, read_journal
+from ecat.store.manifest import manifest_schema, project_schema
+from ecat.store.output import staged_file, write_new_file
+from ecat.store.parquet import TableData
+from ecat.store.project import Project, create_project, find_sessions, open_project, write_project_manifest
+from ecat.store.session import Draft, Session, create_session, open_session
+from ecat.store.staging import staged_folder
+from ecat.store.table_view import TableView
+
+__all__ = [
+    "Commit",
+    "Draft",
+    "Fault",
+    "Project",
+    "Session",
+    "TableData",
+    "TableView",
+    "adopt_edited_layers",
+    "append_journal",
+    "create_project",
+    "create_session",
+    "find_sessions",
+    "leftovers",
+    "manifest_schema",
+    "open_project",
+    "open_session",
+    "project_schema",
+    "read_journal",
+    "remove_leftovers",
+    "staged_file",
+    "staged_folder",
+    "validate",
+    "write_new_file",
+    "write_project_manifest",
+]

@@ -1,0 +1,152 @@
+"""Whether a session on disk is what its manifest says, and what interrupted writes left beside it."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ecat.errors import EcatError, LockedError
+from ecat.model import LayerRecord, Stream, TableRecord
+from ecat.store import files
+from ecat.store.lock import locked
+from ecat.store.manifest import layer_file
+from ecat.store.session import Session
+from ecat.store.transaction import noted_files, settle
+from ecat.store.xml import MAX_BYTES as MAX_LAYER_BYTES
+from ecat.store.xml import layer_from_xml
+from ecat.tables import PUBLISHED
+
+_FOLDERS = ("", "tables", "annotations")
+_NEW = re.compile(r"\..+\.[0-9a-f]{16}\.new")
+_PARTIAL = re.compile(r"\..+\.[0-9a-f]{16}\.partial")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A file that is not what the manifest says: its path inside the session, and what is wrong."""
+
+    file: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.problem}"
+
+
+def validate(session: Session, *, deep: bool = False) -> list[Fault]:
+    """Compare every file of the session with its manifest; an empty list means that they agree.
+
+    Tables are compared by their metadata and schema, layers by their hash; ``deep`` reads every byte of every
+    file.
+    """
+    return [
+        *(fault for table in session.manifest.tables for fault in _table_faults(session, table, deep=deep)),
+        *(fault for layer in session.manifest.layers for fault in _layer_faults(session, layer)),
+        *(
+            fault
+            for stream in session.manifest.streams
+            for fault in _stream_faults(session, stream, deep=deep)
+        ),
+    ]
+
+
+def _table_faults(session: Session, record: TableRecord, *, deep: bool) -> Iterator[Fault]:
+    layers = {layer.name: layer.sha256 for layer in session.manifest.layers}
+    if record.name in {schema.name for schema in PUBLISHED} and record.inputs != layers:
+        yield Fault(record.file, "made from other revisions of the layers than the manifest has")
+    try:
+        session.snapshot.read_table(record, lambda _: None)
+        if deep and files.sha256_of(session.path / record.file) != record.sha256:
+            yield Fault(record.file, "its content has changed")
+    except (EcatError, OSError) as error:
+        yield _fault(record.file, error)
+
+
+def _layer_faults(session: Session, record: LayerRecord) -> Iterator[Fault]:
+    try:
+        session.layer(record.name)
+    except EcatError as error:
+        yield _fault(record.file, error)
+
+
+def _stream_faults(session: Session, stream: Stream, *, deep: bool) -> Iterator[Fault]:
+    if not stream.present:
+        return
+    try:
+        path = session.stream_path(stream.name)
+        size = path.stat().st_size
+        if stream.size_bytes is not None and size != stream.size_bytes:
+            yield Fault(stream.file, f"{size} bytes, expected {stream.size_bytes}")
+        elif deep and stream.sha256 and files.sha256_of(path) != stream.sha256:
+            yield Fault(stream.file, "its content has changed")
+    except (EcatError, OSError) as error:
+        yield _fault(stream.file, error)
+
+
+def _fault(file: str, error: EcatError | OSError) -> Fault:
+    return Fault(file, (error.where or error.what) if isinstance(error, EcatError) else str(error.strerror))
+
+
+def adopt_edited_layers(session: Session) -> list[str]:
+    """Commit the layers whose XML was edited outside of ecat as they are now, and return their names.
+
+    Raises
+    ------
+    FormatError, SchemaError : an edited file is not a layer any more; nothing was changed.
+    """
+    edited = {}
+    for record in session.manifest.layers:
+        path = files.confined(session.path, layer_file(record.name))
+        with files.typed_errors(f"cannot read layer {record.name}", path, "nothing was changed"):
+            if files.sha256_of(path) != record.sha256:
+                edited[record.name] = layer_from_xml(
+                    files.read_bytes(path, MAX_LAYER_BYTES), name=record.name
+                )
+    if edited:
+        with session.write() as commit:
+            for layer in edited.values():
+                commit.put_layer(layer)
+    return list(edited)
+
+
+def leftovers(path: Path) -> list[Path]:
+    """What interrupted writes left behind: files that no commit will use, in a session; unfinished folders,
+    in any folder and beside it.
+
+    They do no harm, and a write that is under way looks the same; :func:`remove_leftovers` knows the
+    difference.
+    """
+    noted = noted_files(path)
+    found = [
+        file
+        for inner in _FOLDERS
+        for file in (path / inner).glob(".*.new")
+        if _NEW.fullmatch(file.name) and file not in noted
+    ]
+    place = path.resolve()
+    found += [folder for folder in path.glob(".*.partial") if _PARTIAL.fullmatch(folder.name)]
+    found += [
+        folder
+        for folder in place.parent.glob(".*.partial")
+        if _PARTIAL.fullmatch(folder.name) and folder.name.startswith(f".{place.name}.")
+    ]
+    return sorted(found)
+
+
+def remove_leftovers(path: Path) -> list[Path]:
+    """Remove the :func:`leftovers` of writes that nobody is doing any more, and return what was removed.
+
+    Raises
+    ------
+    ReadOnlyError, DiskError : one of them cannot be removed.
+    """
+    settle(path)
+    removed: list[Path] = []
+    for leftover in leftovers(path):
+        with contextlib.suppress(LockedError), locked(leftover if leftover.is_dir() else path):
+            with files.typed_errors(f"cannot remove {leftover.name}", leftover):
+                files.remove(leftover)
+            removed.append(leftover)
+    return removed

@@ -1,0 +1,82 @@
+"""Folders that appear complete and durable under their name, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import secrets
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ecat.errors import ExistsError
+from ecat.store import files
+from ecat.store.lock import LOCK_FILE, locked
+
+
+@contextmanager
+def staged_folder(dest: Path) -> Generator[Path]:
+    """A folder that appears under the name ``dest``, complete and durable, when the block ends; or not at
+    all.
+
+    The block fills the folder that it is given, which is beside ``dest``, and syncs what it writes into it.
+
+    Raises
+    ------
+    ExistsError : ``dest`` is there and is not an empty folder.
+    """
+    what, consequence = f"cannot create {dest.name}", f"nothing was written to {dest}"
+    place = Path(dest).resolve()
+    staging = place.with_name(f".{place.name}.{secrets.token_hex(8)}.partial")
+    made: list[Path] = []
+    try:
+        with files.typed_errors(what, dest, consequence):
+            _must_be_free(place, dest)
+            _make_parents(place.parent, made)
+            files.make_folder(staging)
+        # whoever cleans up can tell a folder that is being filled from one that was abandoned
+        with locked(staging):
+            yield staging
+            with files.typed_errors(what, dest, consequence):
+                files.sync(staging)
+                _appear(staging, place, dest)
+            with files.typed_errors(what, dest, f"{dest} is there, but may not survive a power failure"):
+                for folder in (place.parent, *(folder.parent for folder in made)):
+                    files.sync(folder)
+                files.remove(place / LOCK_FILE)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            files.remove(staging)
+            for folder in made:
+                folder.rmdir()
+        raise
+
+
+def _must_be_free(place: Path, dest: Path) -> None:
+    if place.exists() and not (place.is_dir() and not any(place.iterdir())):
+        raise _taken(dest)
+
+
+def _taken(dest: Path) -> ExistsError:
+    return ExistsError(
+        f"cannot create {dest.name}",
+        where=f"{dest}: there is something already",
+        consequence="it was left as it is",
+        fix="choose another destination, or remove it first",
+    )
+
+
+def _make_parents(folder: Path, made: list[Path]) -> None:
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    for path in reversed(missing):
+        files.make_folder(path)
+        made.insert(0, path)
+
+
+def _appear(staging: Path, place: Path, dest: Path) -> None:
+    try:
+        files.rename(staging, place)
+    except OSError as error:
+        if error.errno in {errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR}:
+            raise _taken(dest) from None
+        raise

@@ -1,0 +1,220 @@
+"""Layers and coding schemes as XML, driven by the dataclasses of :mod:`ecat.model`.
+
+One rule serves reading, writing and the XSD (:mod:`ecat.store.xsd`): a field whose metadata has ``tag`` holds child
+elements of that name, ``text`` is the element's text, ``element`` a child element with text only, every other field an
+attribute that is left out when it has its default (unless ``always``).  Output is stable, indented by two spaces, one element per line, so
+that a diff shows what a person changed.  Text keeps its white space.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+from xml.sax.saxutils import escape, quoteattr
+
+from lxml import etree
+from pydantic import TypeAdapter, ValidationError
+
+from ecat.errors import FormatError, LimitError, SchemaError
+from ecat.model import CodingScheme, Layer
+
+MAX_BYTES = 512 * 1024 * 1024
+_HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
+
+
+def layer_to_xml(layer: Layer) -> bytes:
+    """The layer as UTF-8 XML with a final line feed."""
+    return _document("annotation", layer)
+
+
+def layer_from_xml(data: bytes, *, name: str) -> Layer:
+    """Read a layer.
+
+    Raises
+    ------
+    FormatError : not well-formed, or with a DOCTYPE; the message names the line.
+    SchemaError : against the schema; ``problems`` lists every finding with its path in the document.
+    """
+    return _read(Layer, "annotation", data, name)
+
+
+def scheme_to_xml(scheme: CodingScheme) -> bytes:
+    """The coding scheme as UTF-8 XML with a final line feed."""
+    return _document("coding_scheme", scheme)
+
+
+def scheme_from_xml(data: bytes, *, name: str) -> CodingScheme:
+    """Read a coding scheme; errors as in :func:`layer_from_xml`."""
+    return _read(CodingScheme, "coding_scheme", data, name)
+
+
+# ---------------------------------------------------------------------------------------------------- the rule
+
+
+def field_role(item: Field[Any]) -> str:
+    """``children``, ``text``, ``element`` or ``attribute``."""
+    if "tag" in item.metadata:
+        return "children"
+    return next((role for role in ("text", "element") if item.metadata.get(role)), "attribute")
+
+
+@cache
+def child_types(kind: type) -> dict[str, tuple[str, type]]:
+    """Element name -> (field name, dataclass) of the children of ``kind``."""
+    hints = get_type_hints(kind)
+    found: dict[str, tuple[str, type]] = {}
+    for item in fields(kind):
+        if field_role(item) == "children":
+            found[item.metadata["tag"]] = (item.name, get_args(hints[item.name])[0])
+    return found
+
+
+@cache
+def _roles(kind: type) -> tuple[tuple[str, str, Any], ...]:
+    return tuple((f.name, field_role(f), MISSING if f.metadata.get("always") else f.default) for f in fields(kind))
+
+
+@cache
+def _choices(kind: type) -> dict[str, dict[str, Any]]:
+    """Attributes that must be one of a few values which are not texts: their spelling -> the value."""
+    hints = get_type_hints(kind)
+    return {
+        name: {_scalar(value): value for value in get_args(hint)}
+        for name, hint in hints.items()
+        if get_origin(hint) is Literal and not all(isinstance(value, str) for value in get_args(hint))
+    }
+
+
+# ---------------------------------------------------------------------------------------------------- writing
+
+
+def _document(tag: str, value: Any) -> bytes:
+    out = [_HEADER]
+    _write(out, tag, value, "")
+    return "".join(out).encode()
+
+
+_ESCAPES = {"\r": "&#13;"}
+_ATTRIBUTE_ESCAPES = {"\r": "&#13;", "\n": "&#10;", "\t": "&#9;"}
+
+
+def _scalar(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
+def _number(value: float) -> str:
+    if math.isnan(value):
+        return "NaN"
+    if math.isinf(value):
+        return "INF" if value > 0 else "-INF"
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+def _write(out: list[str], tag: str, value: Any, indent: str) -> None:
+    attributes: list[str] = []
+    children: list[tuple[str, Any]] = []
+    text = ""
+    kinds = child_types(type(value))
+    by_field = {name: child_tag for child_tag, (name, _) in kinds.items()}
+    for name, role, default in _roles(type(value)):
+        item = getattr(value, name)
+        if role == "children":
+            children += [(by_field[name], child) for child in item]
+        elif role == "text":
+            text = " ".join(map(_number, item))
+        elif role == "element":
+            if item != default:
+                children.append((name, item))
+        elif item is not None and item != default:
+            attributes.append(f" {name}={quoteattr(_scalar(item), _ATTRIBUTE_ESCAPES)}")
+    head = f"{indent}<{tag}{''.join(attributes)}"
+    if not children:
+        out.append(f"{head}>{text}</{tag}>\n" if text else f"{head}/>\n")
+        return
+    out.append(f"{head}>{text}\n")
+    for child_tag, child in children:
+        if is_dataclass(child):
+            _write(out, child_tag, child, indent + "  ")
+        else:
+            out.append(f"{indent}  <{child_tag}>{escape(str(child), _ESCAPES)}</{child_tag}>\n")
+    out.append(f"{indent}</{tag}>\n")
+
+
+# ---------------------------------------------------------------------------------------------------- reading
+
+
+@cache
+def _adapter(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _read(kind: type, tag: str, data: bytes, name: str) -> Any:
+    root = _parse(data, name)
+    problems: list[str] = []
+    if root.tag != tag:
+        raise FormatError(
+            f"cannot read {name}",
+            where=f"line {root.sourceline}: the root element is <{root.tag}>, expected <{tag}>",
+            fix="name an annotation file written by ecat",
+        )
+    values = _collect(root, kind, f"/{tag}", problems)
+    if not problems:
+        try:
+            return _adapter(kind).validate_python(values)
+        except ValidationError as error:
+            problems += [f"/{tag}/{'/'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
+    raise SchemaError(
+        f"cannot read {name}",
+        problems=tuple(problems),
+        consequence="the layer was not read; nothing was changed",
+        fix="ecat check shows every finding; an earlier version of the file may be in version control",
+    )
+
+
+def _parse(data: bytes, name: str) -> Any:
+    if len(data) > MAX_BYTES:
+        raise LimitError(f"cannot read {name}", where=f"{len(data)} bytes, at most {MAX_BYTES} are read")
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data or b"\0" in data[:4096]:
+        raise FormatError(
+            f"cannot read {name}",
+            where="it has a document type, entities or NUL bytes",
+            fix="remove them: annotation files have none",
+        )
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+    )
+    try:
+        return etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise FormatError(f"cannot read {name}", where=f"line {error.lineno}: {error.msg}") from None
+
+
+def _collect(element: Any, kind: type, path: str, problems: list[str]) -> dict[str, Any]:
+    """The element as nested dictionaries for validation; unknown parts are added to ``problems``."""
+    values: dict[str, Any] = {}
+    roles = {name: role for name, role, _ in _roles(kind)}
+    choices = _choices(kind)
+    for key, text in element.attrib.items():
+        if roles.get(key) == "attribute":
+            values[key] = choices[key].get(text, text) if key in choices else text
+        else:
+            problems.append(f"{path}/@{key}: unknown attribute (line {element.sourceline})")
+    for name, role in roles.items():
+        if role == "text":
+            values[name] = (element.text or "").split()
+    kinds = child_types(kind)
+    lists: dict[str, list[Any]] = {}
+    for child in element:
+        if child.tag in kinds:
+            name, child_kind = kinds[child.tag]
+            found = lists.setdefault(name, [])
+            found.append(_collect(child, child_kind, f"{path}/{child.tag}[{len(found)}]", problems))
+        elif roles.get(child.tag) == "element":
+            values[child.tag] = child.text or ""
+        else:
+            problems.append(f"{path}/{child.tag}: unknown element (line {child.sourceline})")
+    return {**values, **{name: tuple(items) for name, items in lists.items()}}

@@ -1,0 +1,56 @@
+"""``rerun-importer-ecat``: makes ``rerun my_session/`` show a session.
+
+Rerun calls every program named ``rerun-importer-*`` on the search path with each path that is opened, reads a recording
+from its standard output, and takes exit code 66 as "not mine" (Rerun documentation, Importers).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ecat.errors import EcatError
+
+INCOMPATIBLE = 66
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the session at the path of ``arguments`` to standard output; the exit code.
+
+    Only a session's folder is taken: Rerun offers every file inside it as well, and ``session.json`` would bring the
+    same session a second time.
+    """
+    parser = argparse.ArgumentParser(
+        prog="rerun-importer-ecat", description="Shows an ecat session in Rerun."
+    )
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--application-id")
+    parser.add_argument("--recording-id")
+    # what else Rerun recommends (times, prefixes, what is open already) does not apply to a whole session
+    options, _ = parser.parse_known_args(arguments)
+    if not (options.path / "session.json").is_file():
+        return INCOMPATIBLE
+    try:
+        _write(options.path, options.application_id, options.recording_id)
+    except EcatError as error:
+        sys.stderr.write(f"ecat: {error}\n")
+        return error.exit_code
+    return 0
+
+
+def _write(path: Path, application: str | None, recording_id: str | None) -> None:
+    from ecat.store import open_session
+    from ecat.view.record import APPLICATION, log_session, recording
+
+    session = open_session(path)
+    stream = recording(session, application=application or APPLICATION, recording_id=recording_id)
+    stream.stdout()
+    log_session(session, stream)
+    stream.flush()
+    stream.disconnect()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

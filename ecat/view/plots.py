@@ -1,0 +1,63 @@
+"""Curves over time that tell how good the poses are, and how fast the boxes move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from ecat.geometry.transforms import Floats
+from ecat.view.scene import Frames, Scene, by_object, integers, numbers, rows_per_frame, static, temporal
+
+if TYPE_CHECKING:
+    from rerun.chunk import Chunk
+
+QUALITY = "/quality"
+METRICS = ("speed_m_per_s", "residual_px", "sigma_mm", "n_faces")
+"""What is plotted, each below ``/quality/<metric>/<object>``."""
+
+
+def speed(position: Floats, t_s: Floats) -> Floats:
+    """Speed (rows,) in m/s at positions (rows, 3), metres, taken at times (rows,), seconds.
+
+    Central differences over the neighbouring rows; NaN at the ends and next to a missing position.
+    """
+    v = np.full(len(position), np.nan)
+    if len(position) > 2:
+        v[1:-1] = np.linalg.norm(position[2:] - position[:-2], axis=1) / (t_s[2:] - t_s[:-2])
+    return v
+
+
+def quality(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
+    """The curves of table ``poses``; a frame without a value leaves a gap."""
+    for object_id, rows in by_object(poses):
+        thing, frames = scene.thing(object_id), integers(rows, "frame")
+        curves = dict(zip(("residual_px", "n_faces"), numbers(rows, "residual_px n_faces").T, strict=True))
+        curves["sigma_mm"] = numbers(rows, "sigma_m")[:, 0] * 1000
+        if scene.timebase.t_ns is not None:
+            # missing frames must not be bridged, so the rows are spread over every frame first
+            everywhere = np.full((scene.timebase.n_frames, 3), np.nan)
+            everywhere[frames] = numbers(rows, "x y z")
+            t_s = scene.timebase.t_ns[: scene.timebase.n_frames] * 1e-9
+            curves["speed_m_per_s"] = speed(everywhere, t_s)[frames]
+        for metric, values in curves.items():
+            yield from curve(
+                f"{QUALITY}/{metric}/{thing.part}", scene, frames, values, (thing.name, thing.color)
+            )
+
+
+def curve(
+    path: str, scene: Scene, frames: Frames, values: Floats, style: tuple[str, tuple[int, int, int]]
+) -> Iterator[Chunk]:
+    """One curve with its name and colour; nothing at all where there is no value."""
+    import rerun as rr
+
+    known = np.isfinite(values)
+    if not known.any():
+        return
+    name, color = style
+    yield static(path, rr.SeriesLines(names=[name], colors=[color], widths=[1.2]))
+    at, counts = rows_per_frame(frames[known], scene.timebase.n_frames)
+    yield temporal(path, scene.timebase, at, rr.Scalars.columns(scalars=values[known]).partition(counts))

@@ -1,0 +1,190 @@
+"""A session as a Rerun recording: everything sent column by column, with its blueprint."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from ecat.errors import os_error
+from ecat.geometry.transforms import Floats
+from ecat.model import Manifest
+from ecat.progress import Progress, silent
+from ecat.view.about import about
+from ecat.view.image import border, markers_2d, shapes_2d
+from ecat.view.lanes import event_log, events, relations, supports
+from ecat.view.layout import layout
+from ecat.view.media import media
+from ecat.view.plots import quality
+from ecat.view.scene import Scene, integers, numbers, scene, static
+from ecat.view.skeleton import skeletons
+from ecat.view.space import (
+    UPRIGHT,
+    boxes,
+    cameras,
+    color_camera,
+    first_table_from_camera,
+    markers_3d,
+    shapes_3d,
+    table_outline,
+    table_surface,
+    world,
+)
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
+    from rerun.chunk import Chunk
+
+    from ecat.store import Session
+
+APPLICATION = "ecat"
+_TABLES = (
+    "objects",
+    "keyframes",
+    "events",
+    "event_segments",
+    "event_links",
+    "relations",
+    "markers_2d",
+    "markers_3d",
+    "table_plane",
+    "joints",
+    "poses",
+    "poses_smooth",
+)
+
+
+def recording(
+    session: Session, *, application: str = APPLICATION, recording_id: str | None = None
+) -> RecordingStream:
+    """An empty recording that carries the session's name.
+
+    Its id follows from the manifest: the same state of a session is the same recording, sessions that merely
+    share a name are not.
+    """
+    import rerun as rr
+
+    made = rr.RecordingStream(
+        application, recording_id=recording_id or str(uuid.uuid5(uuid.NAMESPACE_OID, repr(session.manifest)))
+    )
+    made.send_recording_name(session.name)
+    return made
+
+
+def log_session(session: Session, stream: RecordingStream, *, progress: Progress = silent) -> None:
+    """Send a session to ``stream``: its blueprint first, then every table that is there, then the images."""
+    import rerun as rr
+
+    shown = scene(session)
+    tables = {name: session.table(name).to_arrow() for name in _TABLES if session.has_table(name)}
+    strict = rr.strict_mode()
+    # Rerun would turn a wrong column into a warning and an empty view
+    rr.set_strict_mode(True)
+    try:
+        chunks = list(session_chunks(session.manifest, tables, shown))
+        stream.send_blueprint(
+            _blueprint(session.manifest, tables, shown, chunks), make_active=True, make_default=True
+        )
+        stream.send_chunks(chunks)
+        for chunk in media(session, shown, progress):
+            stream.send_chunks(chunk)
+    finally:
+        rr.set_strict_mode(strict)
+
+
+def blueprint(session: Session) -> Blueprint:
+    """The views for what the session holds."""
+    shown = scene(session)
+    tables = {name: session.table(name).to_arrow() for name in _TABLES if session.has_table(name)}
+    return _blueprint(session.manifest, tables, shown, list(session_chunks(session.manifest, tables, shown)))
+
+
+def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> None:
+    """Write the session as a ``.rrd`` file, complete or not at all.
+
+    Raises
+    ------
+    StoreError : the folder is missing, read-only or full.
+    """
+    what = f"cannot write {file}"
+    part = file.with_name(f".{file.name}.{uuid.uuid4().hex}.part")
+    try:
+        part.touch(exist_ok=False)
+        stream = recording(session)
+        stream.save(part)
+        log_session(session, stream, progress=progress)
+        stream.flush()
+        stream.disconnect()
+        part.replace(file)
+    except OSError as error:
+        raise os_error(error, what, file, "nothing was written") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene) -> Iterator[Chunk]:
+    """Everything of a session but its images, from the tables that are there."""
+    import rerun as rr
+
+    objects, keyframes = tables.get("objects"), tables.get("keyframes")
+    yield from world(tables.get("table_plane"), shown.timebase)
+    yield from cameras(manifest)
+    size = _image_size(manifest)
+    if size is not None:
+        yield border(*size)
+    if "table_plane" in tables:
+        yield from table_surface(_table_edge(tables))
+    if objects is not None and keyframes is not None:
+        yield from shapes_2d(keyframes, objects, shown)
+        yield from shapes_3d(keyframes, objects, shown)
+    for name, send in (("markers_2d", markers_2d), ("markers_3d", markers_3d), ("joints", skeletons)):
+        if name in tables:
+            yield from send(tables[name], shown)
+    best = tables.get("poses_smooth", tables.get("poses"))
+    if best is not None:
+        yield from boxes(best, shown)
+        yield from supports(best, shown)
+    if "poses" in tables:
+        yield from quality(tables["poses"], shown)
+    if "events" in tables:
+        yield from events(tables, shown)
+        yield from event_log(tables["events"], shown)
+    if "relations" in tables:
+        yield from relations(tables["relations"], shown)
+    yield static("/about", rr.TextDocument(about(manifest, tables, shown), media_type=rr.MediaType.MARKDOWN))
+
+
+def _blueprint(
+    manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene, chunks: list[Chunk]
+) -> Blueprint:
+    plane = tables.get("table_plane")
+    pose = first_table_from_camera(plane) if plane is not None and plane.num_rows else UPRIGHT
+    paths = sorted({chunk.entity_path for chunk in chunks if chunk.num_rows})
+    images = {"color": "/world/camera/color/image", "depth": "/world/camera/depth"}
+    paths += [images[s.kind] for s in manifest.streams if s.present and s.kind in images]
+    return layout(
+        paths, shown, image_size=_image_size(manifest), table=_table_edge(tables), camera_at=pose.translation
+    )
+
+
+def _image_size(manifest: Manifest) -> tuple[int, int] | None:
+    camera = color_camera(manifest)
+    return (camera.width_px, camera.height_px) if camera is not None else None
+
+
+def _table_edge(tables: Mapping[str, pa.Table]) -> Floats:
+    """The table's edge (n, 2) in the ``table`` frame: as it was drawn first, else around the boxes."""
+    plane, keyframes = tables.get("table_plane"), tables.get("keyframes")
+    drawn = np.zeros((0, 3))
+    if plane is not None and plane.num_rows and keyframes is not None:
+        solid = keyframes.filter(pa.array(integers(keyframes, "dimensions") == 3))
+        if solid.num_rows:
+            first = solid.filter(pa.array(integers(solid, "frame") == integers(solid, "frame").min()))
+            drawn = first_table_from_camera(plane).apply(numbers(first, "x y z"))
+    poses = numbers(tables["poses"], "x y z") if "poses" in tables else np.zeros((0, 3))
+    return table_outline(drawn, poses)

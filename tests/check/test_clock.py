@@ -1,0 +1,124 @@
+"""What is found wrong with clocks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from ecat.check import examine
+from ecat.model import Clock
+
+if TYPE_CHECKING:
+    from conftest import Case
+
+SECOND = 1_000_000_000
+
+
+def codes(case: Case) -> list[str]:
+    return [finding.code for finding in examine(case.patient)]
+
+
+def test_a_healthy_recording_has_no_findings(case: Case) -> None:
+    assert examine(case.patient) == []
+
+
+def test_a_recorded_clock_without_times_is_an_error(case: Case) -> None:
+    case.tables.pop("frames")
+    assert codes(case) == ["clock-missing"]
+
+
+@pytest.mark.parametrize("duration_s", [0.0, 119.5, 0.4])
+def test_a_uniform_clock_with_a_frame_rate_that_no_camera_has_is_found(case: Case, duration_s: float) -> None:
+    case.tables.clear()
+    clock = Clock(rule="uniform", duration_ns=int(duration_s * SECOND))
+    case.manifest = replace(case.manifest, clock=clock)
+    assert codes(case) == ["clock-rate"]
+
+
+@pytest.mark.parametrize("duration_s", [118.0, 4.0, 0.5])
+def test_frame_rates_from_1_to_240_are_fine(case: Case, duration_s: float) -> None:
+    case.tables.clear()
+    case.manifest = replace(case.manifest, clock=Clock(rule="uniform", duration_ns=int(duration_s * SECOND)))
+    assert codes(case) == []
+
+
+def test_negative_durations_are_an_error(case: Case) -> None:
+    case.manifest = replace(case.manifest, clock=Clock(rule="recorded", duration_ns=-1))
+    assert codes(case) == ["clock-rate"]
+
+
+def test_missing_frames_are_counted_with_the_place_of_the_gap(case: Case) -> None:
+    streams = tuple(replace(s, n_frames=None) for s in case.manifest.streams)
+    case.manifest = replace(case.manifest, streams=streams)
+    case.keep("frames", lambda row: row["stream"] == "depth" or not 50 <= row["frame"] < 53)
+    (finding,) = examine(case.patient)
+    assert (finding.code, finding.place) == ("frame-gap", "table frames, stream color")
+    assert finding.message == "3 of 120 frames are missing, at most 3 in a row, after frame 49"
+
+
+def test_a_stream_at_half_the_rate_of_the_video_has_no_gaps(case: Case) -> None:
+    depth = replace(case.manifest.streams[1], n_frames=60)
+    case.manifest = replace(case.manifest, streams=(case.manifest.streams[0], depth))
+    case.keep("frames", lambda row: row["stream"] == "color" or row["frame"] % 2 == 0)
+    assert codes(case) == []
+
+
+def test_a_frame_that_occurs_twice_is_an_error(case: Case) -> None:
+    def repeat_frame_70(columns: dict[str, Any]) -> None:
+        columns["frame"][142] = 70
+
+    case.change("frames", repeat_frame_70)
+    assert codes(case) == ["frame-duplicate", "frame-gap"]
+
+
+def test_time_that_runs_backwards_is_an_error(case: Case) -> None:
+    def swap(columns: dict[str, Any]) -> None:
+        columns["frame"][100], columns["frame"][102] = columns["frame"][102], columns["frame"][100]
+
+    case.change("frames", swap)
+    (finding,) = examine(case.patient)
+    assert (finding.code, finding.severity) == ("clock-backwards", "error")
+
+
+def test_a_pause_without_a_gap_in_the_numbers_is_found(case: Case) -> None:
+    def pause(columns: dict[str, Any]) -> None:
+        columns["t_ns"] = [
+            t + SECOND * (frame > 60) for t, frame in zip(columns["t_ns"], columns["frame"], strict=True)
+        ]
+
+    case.change("frames", pause)
+    assert codes(case) == ["time-gap", "time-gap"]  # in both streams
+
+
+def test_a_camera_that_halves_its_rate_in_the_dark_is_fine(case: Case) -> None:
+    def dark(columns: dict[str, Any]) -> None:
+        slow = [max(0, frame - 90) * 33_333_333 for frame in columns["frame"]]
+        columns["t_ns"] = [t + extra for t, extra in zip(columns["t_ns"], slow, strict=True)]
+
+    case.change("frames", dark)
+    assert codes(case) == []
+
+
+def test_streams_that_drift_apart_by_a_frame_are_found(case: Case) -> None:
+    def drift(columns: dict[str, Any]) -> None:
+        rows = zip(columns["t_ns"], columns["frame"], columns["stream"], strict=True)
+        late = sorted((t + t // 100 * (stream == "depth"), frame, stream) for t, frame, stream in rows)
+        columns["t_ns"], columns["frame"], columns["stream"] = map(list, zip(*late, strict=True))
+
+    case.change("frames", drift)
+    (finding,) = examine(case.patient)
+    assert (finding.code, finding.place) == ("clock-drift", "table frames, stream depth")
+    assert finding.message == "against color it moves from +0.006 s to +0.042 s over the recording, 1.1 frames"
+
+
+def test_streams_with_another_number_of_frames_than_declared_are_found(case: Case) -> None:
+    color = replace(case.manifest.streams[0], n_frames=121)
+    case.manifest = replace(case.manifest, streams=(color, case.manifest.streams[1]))
+    assert codes(case) == ["frame-count"]
+
+
+def test_times_of_a_stream_that_the_session_does_not_have_are_an_error(case: Case) -> None:
+    case.manifest = replace(case.manifest, streams=case.manifest.streams[:1])
+    assert codes(case) == ["dangling-stream"]

@@ -1,0 +1,252 @@
+"""What is found wrong with a folder on disk, and what is done about it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from ecat.check import Finding, check, repair
+from ecat.errors import NotFoundError
+from ecat.model import AnnotatedObject, Layer, Manifest, ProjectManifest, Stream
+from ecat.store import Draft, TableData, create_project, create_session, open_session
+
+if TYPE_CHECKING:
+    from conftest import Case
+
+CREATED = "2026-01-01T00:00:00Z"
+
+
+@pytest.fixture
+def project(tmp_path: Path, case: Case) -> Path:
+    """A project of two healthy sessions; one refers to an object of the other, and has a video and poses."""
+    create_project(tmp_path / "project", ProjectManifest(name="project", created=CREATED))
+    video = tmp_path / "video.avi"
+    video.write_bytes(b"RIFF")
+    color = replace(case.manifest.streams[0], file="media/video.avi")
+    tables = {name: TableData(data=table) for name, table in case.tables.items()}
+    draft = Draft(
+        manifest=replace(case.manifest, streams=(color, *case.manifest.streams[1:])),
+        layers=(case.layer,),
+        tables=tables,
+        files={"color": video},
+    )
+    session = create_session(tmp_path / "project" / "Session1", draft)
+    inputs = {name: session.manifest.table(name).sha256 for name in ("markers_2d", "markers_3d")}  # pyright: ignore[reportOptionalMemberAccess]
+    with session.write() as commit:
+        commit.put_table("poses", TableData(data=case.tables["poses"], stage="poses", inputs=inputs))
+    other = Layer(objects=(AnnotatedObject(id="o7"),))
+    create_session(
+        tmp_path / "project" / "Other",
+        Draft(manifest=Manifest(name="Other", created=CREATED), layers=(other,)),
+    )
+    return tmp_path / "project"
+
+
+@pytest.fixture
+def session(project: Path) -> Path:
+    return project / "Session1"
+
+
+def only(findings: list[Finding]) -> Finding:
+    (finding,) = findings
+    return finding
+
+
+def rewrite(file: Path, old: str, new: str) -> None:
+    text = file.read_text("utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), "utf-8")
+
+
+def test_healthy_sessions_have_no_findings(project: Path, session: Path) -> None:
+    assert check(project) == []
+    assert check(session, deep=True) == []
+
+
+def test_where_there_is_no_session_there_is_nothing_to_check(tmp_path: Path) -> None:
+    with pytest.raises(NotFoundError):
+        check(tmp_path / "nowhere")
+
+
+def test_findings_of_a_project_name_the_session(project: Path, session: Path) -> None:
+    (session / "media/video.avi").unlink()
+    assert [finding.session for finding in check(project)] == ["Session1"]
+
+
+def test_a_reference_to_a_session_that_was_removed(project: Path, session: Path) -> None:
+    (project / "Other").rename(project / "Renamed")
+    assert only(check(session)).code == "dangling-session-reference"
+
+
+def test_a_file_of_a_stream_that_is_gone(session: Path) -> None:
+    (session / "media/video.avi").unlink()
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("error", "stream-damaged", "stream color")
+
+
+def test_a_file_of_a_stream_that_was_cut_short(session: Path) -> None:
+    (session / "media/video.avi").write_bytes(b"RI")
+    assert only(check(session)).message == "2 bytes, expected 4"
+
+
+def test_a_file_of_a_stream_with_other_content_is_found_by_reading_it(session: Path) -> None:
+    (session / "media/video.avi").write_bytes(b"RIFX")
+    assert check(session) == []
+    assert only(check(session, deep=True)).message == "its content has changed"
+
+
+def test_a_manifest_that_cannot_be_read_is_found_with_every_problem(session: Path) -> None:
+    content = json.loads((session / "session.json").read_text("utf-8"))
+    (session / "session.json").write_text(
+        json.dumps(content | {"n_frames": "many", "revision": None}), "utf-8"
+    )
+    findings = check(session)
+    assert {finding.code for finding in findings} == {"session-unreadable"}
+    assert {finding.message.split(":")[0] for finding in findings} == {"n_frames", "revision"}
+
+
+def test_a_broken_session_does_not_hide_the_others(project: Path, session: Path) -> None:
+    (project / "Other" / "session.json").write_text("{", "utf-8")
+    (session / "media/video.avi").unlink()
+    assert [finding.code for finding in check(project)] == [
+        "session-unreadable",
+        "stream-damaged",
+        "dangling-session-reference",
+    ]
+
+
+def test_annotations_edited_by_hand_are_taken_over(session: Path) -> None:
+    rewrite(session / "annotations/main.xml", "Pepsi", "Shell")
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("error", "layer-edited", "layer main")
+    assert repair(session, [finding]) == [finding]
+    assert check(session) == []
+    assert open_session(session).objects.to_arrow()["name"].to_pylist() == [
+        "Shell",
+        "Shell",
+        "Performer",
+        "table",
+    ]
+
+
+def test_annotations_are_examined_as_they_were_edited(session: Path) -> None:
+    rewrite(session / "annotations/main.xml", 'parent="a1"', 'parent="a8"')
+    assert [finding.code for finding in check(session)] == ["layer-edited", "dangling-reference"]
+
+
+def test_annotations_against_the_schema_are_found_with_every_problem(session: Path) -> None:
+    rewrite(session / "annotations/main.xml", 'kind="rig"', 'kind="robot" wings="2"')
+    rewrite(session / "annotations/main.xml", 'start_frame="10"', 'start_frame="ten"')
+    findings = check(session)
+    assert {finding.code for finding in findings} >= {"layer-unreadable"}
+    assert not any(finding.repair for finding in findings)
+    assert any("wings" in finding.message for finding in findings)
+
+
+def test_annotations_that_are_not_xml(session: Path) -> None:
+    (session / "annotations/main.xml").write_text("<annotation>", "utf-8")
+    findings = [finding for finding in check(session) if finding.code == "layer-unreadable"]
+    assert "line 1" in only(findings).message
+
+
+def test_a_damaged_table_of_the_annotations_is_published_anew(session: Path) -> None:
+    (session / "tables/events.parquet").write_bytes(b"PAR1")
+    finding = only(check(session))
+    assert (finding.code, finding.place) == ("table-damaged", "table events")
+    repair(session, [finding])
+    assert check(session) == []
+
+
+def test_a_damaged_table_of_a_stage_says_how_to_make_it_anew(session: Path) -> None:
+    (session / "tables/poses.parquet").write_bytes(b"PAR1")
+    finding = only(check(session))
+    assert (finding.code, finding.repair) == ("table-damaged", "")
+    assert finding.message.endswith("make it anew: ecat process --stage poses --force")
+
+
+def test_damage_that_hides_in_the_middle_of_a_table_is_found_by_reading_it(session: Path) -> None:
+    file = session / "tables/markers_2d.parquet"
+    data = bytearray(file.read_bytes())
+    data[200] ^= 0xFF
+    file.write_bytes(bytes(data))
+    assert "table markers_2d" in {finding.place for finding in check(session, deep=True)}
+
+
+def change_manifest(session: Path, edit: Any) -> None:
+    content = json.loads((session / "session.json").read_text("utf-8"))
+    edit(content)
+    (session / "session.json").write_text(json.dumps(content), "utf-8")
+
+
+def test_tables_of_the_annotations_from_another_revision_are_published_anew(session: Path) -> None:
+    def age(content: dict[str, Any]) -> None:
+        for record in content["tables"]:
+            if record["name"] == "events":
+                record["inputs"] = {"main": "0" * 64}
+
+    change_manifest(session, age)
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("error", "table-stale", "table events")
+    repair(session, [finding])
+    assert check(session) == []
+
+
+def test_a_table_made_from_an_older_table_is_stale(session: Path, case: Case) -> None:
+    case.keep("markers_2d", lambda row: row["frame"] != 50)
+    with open_session(session).write() as commit:
+        commit.put_table("markers_2d", TableData(data=case.tables["markers_2d"]))
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("warning", "table-stale", "table poses")
+    assert finding.message == "stage poses made it from an older markers_2d; run ecat process"
+
+
+def test_files_that_an_interrupted_write_left_behind_are_removed(session: Path) -> None:
+    leftover = session / "tables" / ".poses.parquet.0123456789abcdef.new"
+    leftover.write_bytes(b"half")
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("warning", "leftover", leftover.name)
+    repair(session, [finding])
+    assert not leftover.exists()
+    assert check(session) == []
+
+
+def test_sessions_that_an_interrupted_import_left_behind_are_removed(project: Path) -> None:
+    leftover = project / ".Session2.0123456789abcdef.partial"
+    leftover.mkdir()
+    (leftover / "session.json").write_text("{", "utf-8")
+    finding = only(check(project))
+    assert (finding.code, finding.session, finding.place) == ("leftover", ".", leftover.name)
+    repair(project, [finding])
+    assert not leftover.exists()
+
+
+def test_an_interrupted_commit_is_finished_and_noted(session: Path) -> None:
+    data = (session / "session.json").read_bytes()
+    commit_id = "0123456789abcdef"
+    (session / f".session.json.{commit_id}.new").write_bytes(data)
+    record = {"id": commit_id, "files": {"session.json": hashlib.sha256(data).hexdigest()}}
+    (session / "commit.json").write_text(json.dumps(record), "utf-8")
+    finding = only(check(session))
+    assert (finding.severity, finding.code) == ("note", "interrupted-commit")
+    assert check(session) == []
+
+
+def test_an_interrupted_commit_that_cannot_be_finished_is_an_error(session: Path) -> None:
+    (session / "commit.json").write_text(
+        '{"id": "0123456789abcdef", "files": {"session.json": "0"}}', "utf-8"
+    )
+    finding = only(check(session))
+    assert (finding.severity, finding.code) == ("error", "session-unreadable")
+
+
+def test_streams_that_were_not_there_at_import_are_no_finding(session: Path) -> None:
+    absent = Stream(name="infrared", kind="infrared", file="infrared.avi", present=False)
+    opened = open_session(session)
+    with opened.write() as commit:
+        commit.update(streams=(*opened.manifest.streams, absent))
+    assert check(session) == []
