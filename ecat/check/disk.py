@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ecat.check.finding import Finding, error, warning
 from ecat.errors import EcatError, SchemaError
-from ecat.model import Layer, LayerRecord, Manifest
+from ecat.model import Layer, LayerRecord
 from ecat.store import Fault, Session, files, leftovers, validate
 from ecat.store.manifest import layer_file
 from ecat.store.xml import MAX_BYTES, layer_from_xml
@@ -58,22 +58,25 @@ def _unreadable(record: LayerRecord, reason: EcatError) -> Iterator[Finding]:
         yield error("layer-unreadable", f"layer {record.name}", problem)
 
 
-def stale_tables(manifest: Manifest) -> Iterator[Finding]:
-    """Tables made from layers or tables that have changed since."""
-    now = {record.name: record.sha256 for record in (*manifest.tables, *manifest.layers)}
+def stale_tables(session: Session) -> Iterator[Finding]:
+    """Tables made from annotations or tables that have changed since."""
+    manifest = session.manifest
     layers = {record.name: record.sha256 for record in manifest.layers}
     for record in manifest.tables:
-        if record.name in PUBLISHED_NAMES:
-            if record.inputs != layers:
-                message = "it was made from other revisions of the annotations"
-                yield error("table-stale", f"table {record.name}", message, REPUBLISH)
-            continue
-        changed = sorted(
-            name for name, sha256 in record.inputs.items() if name in now and now[name] != sha256
-        )
-        if changed:
-            message = f"stage {record.stage} made it from an older {', '.join(changed)}; run ecat process"
-            yield warning("table-stale", f"table {record.name}", message)
+        if record.name in PUBLISHED_NAMES and record.inputs != layers:
+            message = "it was made from other revisions of the annotations"
+            yield error("table-stale", f"table {record.name}", message, REPUBLISH)
+    if all(record.name in PUBLISHED_NAMES or not record.stage for record in manifest.tables):
+        return
+    from ecat import process
+
+    try:
+        for name, changed in process.stale_tables(session):
+            yield warning(
+                "table-stale", f"table {name}", f"it was made from an older {changed}; run ecat process"
+            )
+    except EcatError:
+        return  # a table that cannot be read is a finding of its own
 
 
 def damaged_files(session: Session, known: list[Finding], *, deep: bool) -> Iterator[Finding]:

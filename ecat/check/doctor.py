@@ -86,7 +86,7 @@ def _check_session(path: Path, siblings: Siblings, *, deep: bool) -> Iterator[Fi
         )
     yield from disk.left_over(session)
     layers, found = disk.read_layers(session)
-    found += disk.stale_tables(session.manifest)
+    found += disk.stale_tables(session)
     found += disk.damaged_files(session, found, deep=deep)
     yield from found
     siblings[path] = frozenset(thing.id for layer in layers.values() for thing in layer.objects)

@@ -120,7 +120,8 @@ def stream_references(patient: Patient) -> Iterator[Finding]:
     streams = {s.name for s in patient.manifest.streams}
     cameras = {c.name for c in patient.manifest.cameras}
     for stream in patient.manifest.streams:
-        if stream.camera and stream.camera not in cameras:
+        # a camera that was never calibrated has a name only
+        if stream.camera and cameras and stream.camera not in cameras:
             yield _dangling(f"stream {stream.name}", f"its camera {stream.camera}")
     for camera in patient.manifest.cameras:
         if camera.reference and camera.reference not in cameras:

@@ -14,7 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 import click
 
 from ecat.cli.output import BROKEN_PIPE, print_bug, print_error
-from ecat.cli.verb import write_examples
+from ecat.cli.verb import SETTINGS, write_examples
 from ecat.errors import EcatError, MissingExtraError, UsageError, os_error
 
 INTERRUPTED = 130
@@ -91,7 +91,7 @@ def _load(plugin: EntryPoint) -> click.Command:
         )
 
 
-@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(cls=Verbs, context_settings=SETTINGS)
 @click.version_option(None, "-V", "--version", package_name="ecat", message="ecat %(version)s")
 def app() -> None:
     """Turn recordings of people handling objects into machine-learnable data.

@@ -17,8 +17,8 @@ BROKEN_PIPE = 141
 """128 + SIGPIPE, what the shell reports of other programs whose reader went away."""
 LINE_EVERY_S = 1.0
 """Least time between two progress lines where there is no terminal."""
-LINE_EVERY_SHARE = 0.1
-"""Least progress between two such lines, where the total is known."""
+LINES = 10
+"""Most lines for one piece of work whose length is known."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,10 @@ def _bar() -> Generator[Progress]:
         TextColumn("{task.completed:,.0f} of {task.total:,.0f}"),
         TimeRemainingColumn(),
     )
-    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+    console = Console(stderr=True)
+    with Bars(
+        *columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False
+    ) as bars:
         task = bars.add_task("", total=0)
 
         def show(what: str, done: int, total: int) -> None:
@@ -79,18 +82,16 @@ class _Lines:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._said_s = clock()
-        self._what = ""
-        self._share = 0.0
+        self._part = 0
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        share = done / total if total else 0.0
-        new = what != self._what
-        moved = not total or abs(share - self._share) >= LINE_EVERY_SHARE
-        if self._clock() - self._said_s < LINE_EVERY_S or not (new or moved):
+        part = done * LINES // total if total else -1
+        now_s = self._clock()
+        if now_s - self._said_s < LINE_EVERY_S or (total and part == self._part):
             return
-        amount = f"{done:,} of {total:,} ({share:.0%})" if total else f"{done:,}"
+        amount = f"{done:,} of {total:,} ({done / total:.0%})" if total else f"{done:,}"
         print(f"{printable(what)}: {amount}", file=sys.stderr, flush=True)  # noqa: T201
-        self._said_s, self._what, self._share = self._clock(), what, share
+        self._said_s, self._part = now_s, part
 
 
 def printable(text: str) -> str:

@@ -51,7 +51,7 @@ def command(
     force: bool,
     prototypes: Path | None,
 ) -> int:
-    """Run the stages that turn recordings into data: markers, table, poses of the boxes, relations.
+    """Turn recordings into data: the table, and where the boxes are in every frame.
 
     A stage whose inputs have not changed since it ran is skipped.  Sessions that cannot be processed are
     reported at the end, and the others are processed all the same; the exit code is then 1.

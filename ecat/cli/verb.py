@@ -10,10 +10,11 @@ import click
 
 from ecat.cli.output import BROKEN_PIPE, Output
 
+SETTINGS: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
 
 def write_examples(formatter: click.HelpFormatter, examples: tuple[str, ...]) -> None:
     """Commands as they are typed, one a line."""
-    formatter.write_paragraph()
     with formatter.section("Examples"):
         for line in examples:
             formatter.write(f"{' ' * formatter.current_indent}{line}\n")
@@ -37,7 +38,7 @@ def verb(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., int
     """
 
     def make(run: Callable[..., int | None]) -> Verb:
-        @click.command(name, cls=Verb)
+        @click.command(name, cls=Verb, context_settings=SETTINGS)
         @click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of text.")
         @click.option("--quiet", "-q", is_flag=True, help="Print neither progress nor result, only errors.")
         @wraps(run)

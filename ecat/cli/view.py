@@ -23,9 +23,10 @@ def command(out: Output, session: Path, save: Path | None) -> None:
     from ecat import store, view
 
     opened = store.open_session(session)
-    if save is None:
-        view.show(opened)
-        out.result({"session": opened.name}, f"showing {opened.name}")
-        return
-    view.save_rrd(opened, save)
-    out.result({"session": opened.name, "file": str(save)}, f"wrote {save}; open it with: rerun {save}")
+    with out.progress() as progress:
+        if save is None:
+            view.open_viewer(opened, progress=progress)
+        else:
+            view.save_rrd(opened, save, progress=progress)
+    data = {"session": opened.name, "file": None if save is None else str(save)}
+    out.result(data, f"showing {opened.name}" if save is None else f"wrote {save}\ntry: rerun {save}")

@@ -32,10 +32,10 @@ class Noise:
     The loss is Cauchy's: a corner ``cauchy`` standard deviations off counts half.
     """
 
-    sigma_px: float = 0.5
-    sigma_point_m: float = 0.006
+    sigma_px: float = 0.4
+    sigma_point_m: float = 0.004
     skid: float = 1.2
-    cauchy: float = 4.0
+    cauchy: float = 3.0
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,23 @@
-"""Bundle adjustment: the table plane and the markers' places on the boxes that explain all frames together.
+"""Bundle adjustment: the table plane, the boxes' sizes and the markers' places on them that explain all frames.
 
 Every frame has its own pose (resting on the table), which is eliminated frame by frame (Schur complement), so
 that only a few dozen shared unknowns remain, however long the recording.
+
+Images show neither the scale of the whole nor the height at which a box ends below its markers: a box that is 1 %
+taller and nearer looks the same.  Depth decides that: the 3-D corners, the polygons, and how well the boxes' sizes
+are known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ecat.geometry.boxes import SQUARE
 from ecat.geometry.boxfit import (
     RESTING,
-    Linear,
     Noise,
     Scene,
     Sightings,
@@ -30,6 +33,7 @@ from ecat.model.prototype import BoxPrototype, MarkerFace, face_normal
 
 _PLANE = 3  # turns about the table's x and y, shift along its z
 _FACE = 7  # centre, turn, side
+_SIZE = 1  # of a box: relative growth of its edges, after its faces
 
 
 @dataclass(frozen=True)
@@ -45,11 +49,12 @@ class Track:
 class Priors:
     """How far things may be from what is assumed; standard deviations in metres and radians.
 
-    A marker lies flat on its face, whose distance from the box's centre is half the edge: that fixes the scale,
-    which images alone do not show, and the box's axes.  ``samples_per_view``: consecutive frames repeat each
+    A marker lies flat on its face, whose distance from the box's centre is half the edge: that fixes the box's
+    axes.  ``size_m``: how well edges are known, nominally.  ``samples_per_view``: consecutive frames repeat each
     other's errors, so that many count as one.
     """
 
+    size_m: float = 0.002
     face_distance_m: float = 0.0007
     face_tilt: float = 0.012
     marker_shift_m: float = 0.01
@@ -93,7 +98,7 @@ def adjust(
         system = _System(len(now), boxes)
         for i, track in enumerate(tracks):
             scene = _scene(track, now, boxes, camera)
-            poses[i] = refine(track.seen, scene, poses[i], noise, freedom=RESTING, steps=3).pose
+            poses[i] = refine(track.seen, scene, _at_rest(poses[i], scene), noise, freedom=RESTING, steps=3).pose
             system.add_track(track, scene, boxes[track.box], poses[i], noise, priors.samples_per_view)
         for i, points in enumerate(polygons):
             system.add_polygon(i, now[i].inverse().apply(points), priors.polygon_m)
@@ -106,8 +111,9 @@ def adjust(
             break
     covariance = np.linalg.pinv(hessian, hermitian=True)
     errors = [
-        refine(t.seen, _scene(t, now, boxes, camera), p, noise, freedom=RESTING, steps=3).errors_px
+        refine(t.seen, scene, _at_rest(p, scene), noise, freedom=RESTING, steps=3).errors_px
         for t, p in zip(tracks, poses, strict=True)
+        if (scene := _scene(t, now, boxes, camera))
     ]
     made = tuple(
         box.prototype(p, covariance, system_first)
@@ -120,14 +126,19 @@ def adjust(
 
 @dataclass(frozen=True)
 class _Geometry:
-    """The unknowns of a box as arrays: (faces, 3), (faces, 3, 3), (faces,), and half its height."""
+    """The unknowns of a box as arrays, (faces, 3), (faces, 3, 3), (faces,), and its growth; what it grew from."""
 
     centre: Floats
     turn: Floats
     side: Floats
+    growth: float
     normal: Floats
-    distance: Floats
-    rest_height: float
+    nominal_distance: Floats
+    nominal_height: float
+
+    @property
+    def rest_height(self) -> float:
+        return self.nominal_height / 2 * (1 + self.growth)
 
     @classmethod
     def of(cls, p: BoxPrototype) -> _Geometry:
@@ -136,9 +147,10 @@ class _Geometry:
             np.array([f.centre for f in p.faces]),
             Rigid.from_quaternion(np.array([f.quaternion for f in p.faces]), np.zeros(3)).rotation,
             np.array([f.side_m for f in p.faces]),
+            0.0,
             normal,
             np.abs(normal @ np.array(p.size_m)) / 2,
-            p.size_m[2] / 2,
+            p.size_m[2],
         )
 
     @property
@@ -148,8 +160,8 @@ class _Geometry:
     def moved(self, step: Floats) -> _Geometry:
         by_face = step[: _FACE * len(self.side)].reshape(-1, _FACE)
         turn = matrix_from_rotvec(by_face[:, 3:6]) @ self.turn
-        rest = (self.normal, self.distance, self.rest_height)
-        return _Geometry(self.centre + by_face[:, :3], turn, self.side + by_face[:, 6], *rest)
+        growth = self.growth + float(step[_FACE * len(self.side)])
+        return replace(self, centre=self.centre + by_face[:, :3], turn=turn, side=self.side + by_face[:, 6], growth=growth)
 
     def prototype(self, p: BoxPrototype, covariance: Floats, first: int) -> BoxPrototype:
         faces: list[MarkerFace] = []
@@ -161,7 +173,8 @@ class _Geometry:
             faces.append(
                 MarkerFace(face.face, face.code, float(self.side[i]), (x, y, z), (qx, qy, qz, qw), sigma or face.sigma_m)
             )
-        return BoxPrototype(p.name, p.size_m, tuple(faces))
+        x, y, z = (edge * (1 + self.growth) for edge in p.size_m)
+        return BoxPrototype(p.name, (x, y, z), tuple(faces))
 
 
 def _scene(track: Track, tables: Sequence[Rigid], boxes: Sequence[_Geometry], camera: Camera) -> Scene:
@@ -170,8 +183,17 @@ def _scene(track: Track, tables: Sequence[Rigid], boxes: Sequence[_Geometry], ca
 
 
 def _firsts(tables: int, boxes: Sequence[_Geometry]) -> list[int]:
-    sizes = [_FACE * len(b.side) for b in boxes]
+    sizes = [_unknowns(b) for b in boxes]
     return [_PLANE * tables + sum(sizes[:i]) for i in range(len(boxes))]
+
+
+def _unknowns(box: _Geometry) -> int:
+    return _FACE * len(box.side) + _SIZE
+
+
+def _at_rest(pose: Rigid, scene: Scene) -> Rigid:
+    height = np.full((len(pose.translation), 1), scene.rest_height_m)
+    return Rigid(pose.rotation, np.concatenate([pose.translation[:, :2], height], 1))
 
 
 def _tilted(table: Rigid, step: Floats) -> Rigid:
@@ -185,7 +207,7 @@ class _System:
     def __init__(self, tables: int, boxes: Sequence[_Geometry]) -> None:
         self._firsts = _firsts(tables, boxes)
         self._planes = _PLANE * tables
-        size = self._planes + _FACE * sum(len(b.side) for b in boxes)
+        size = self._planes + sum(_unknowns(b) for b in boxes)
         self._hessian, self._gradient = np.zeros((size, size)), np.zeros(size)
 
     def first(self, box: int) -> int:
@@ -195,25 +217,28 @@ class _System:
         self, track: Track, scene: Scene, box: _Geometry, pose: Rigid, noise: Noise, samples_per_view: float
     ) -> None:
         placed = place(pose, scene.corners)
-        flat, _ = linearise(track.seen, scene, placed, noise)
-        n = len(track.seen)
-        own = (flat.by_point @ motion(placed, pose, RESTING)).reshape(n, -1, len(RESTING))
-        shared = _by_shared(flat, placed, box, pose)
-        weight = np.repeat(flat.weights.reshape(n, -1), 2, axis=1)[..., None]
-        gap = flat.gap.reshape(n, -1, 1)
-        left = np.swapaxes(own * weight, 1, 2)
-        inverse = np.linalg.inv(left @ own + 1e-6 * np.eye(len(RESTING)))
-        cross, pull = left @ shared, left @ gap
-        both = np.swapaxes(shared * weight, 1, 2)
-        back = np.swapaxes(cross, 1, 2) @ inverse
+        parts = linearise(track.seen, scene, placed, noise)
+        moves, shared_moves = motion(placed, pose, RESTING), _by_shared(placed, box, pose)
+        n, m, k = len(track.seen), moves.shape[-1], shared_moves.shape[-1]
+        own, cross, shared = np.zeros((n, m, m)), np.zeros((n, m, k)), np.zeros((n, k, k))
+        pull, shared_pull = np.zeros((n, m, 1)), np.zeros((n, k, 1))
+        for part in parts:
+            a = (part.by_point @ moves).reshape(n, -1, m)
+            b = (part.by_point @ shared_moves).reshape(n, -1, k)
+            gap = part.gap.reshape(n, -1, 1)
+            weight = np.repeat(part.weights.reshape(n, -1), part.gap.shape[-1], axis=1)[..., None]
+            left, right = np.swapaxes(a * weight, 1, 2), np.swapaxes(b * weight, 1, 2)
+            own, cross, shared = own + left @ a, cross + left @ b, shared + right @ b
+            pull, shared_pull = pull + left @ gap, shared_pull + right @ gap
+        back = np.swapaxes(cross, 1, 2) @ np.linalg.inv(own + 1e-6 * np.eye(m))
         where = self._columns(track, box)
-        self._hessian[np.ix_(where, where)] += (both @ shared - back @ cross).sum(0) / samples_per_view
-        self._gradient[where] += (both @ gap - back @ pull).sum(0)[:, 0] / samples_per_view
+        self._hessian[np.ix_(where, where)] += (shared - back @ cross).sum(0) / samples_per_view
+        self._gradient[where] += (shared_pull - back @ pull).sum(0)[:, 0] / samples_per_view
 
     def _columns(self, track: Track, box: _Geometry) -> list[int]:
         plane = range(_PLANE * track.table, _PLANE * (track.table + 1))
         first = self._firsts[track.box]
-        return [*plane, *range(first, first + _FACE * len(box.side))]
+        return [*plane, *range(first, first + _unknowns(box))]
 
     def add_polygon(self, table: int, points: Floats, sigma: float) -> None:
         points = points[np.isfinite(points).all(-1)]
@@ -226,22 +251,28 @@ class _System:
         self._gradient[at] += rows.T @ (weight * gap)
 
     def add_priors(self, index: int, box: _Geometry, start: _Geometry, priors: Priors) -> None:
-        for i in range(len(box.side)):
-            at = self._firsts[index] + _FACE * i
-            along = np.outer(box.normal[i], box.normal[i])
-            aside = np.eye(3) - along
-            target = box.normal[i] * box.distance[i]
-            hold = along / priors.face_distance_m**2 + aside / priors.marker_shift_m**2
-            self._add(at, hold, hold @ (target - box.centre[i]))
-            tilt = aside / priors.face_tilt**2 + along * 1e-6
-            self._add(at + 3, tilt, tilt @ np.cross(box.turn[i, :, 2], box.normal[i]))
-            side = np.eye(1) / priors.side_m**2
-            self._add(at + 6, side, side @ (start.side[i : i + 1] - box.side[i : i + 1]))
+        first = self._firsts[index]
+        size = first + _FACE * len(box.side)
+        edges = 2 * box.nominal_distance.max()
+        self._add_row({size: np.ones(1)}, -box.growth, priors.size_m / edges)
+        for i, normal in enumerate(box.normal):
+            at, distance = first + _FACE * i, box.nominal_distance[i]
+            beyond = distance * (1 + box.growth) - normal @ box.centre[i]
+            self._add_row({at: normal, size: np.array([-distance])}, beyond, priors.face_distance_m)
+            # markers do not lean; the other axes of the face are free to shift, and its turn to turn
+            lean = np.cross(box.turn[i, :, 2], normal)
+            for axis in np.eye(3)[np.abs(normal) < 0.5]:
+                self._add_row({at: axis}, -axis @ box.centre[i], priors.marker_shift_m)
+                self._add_row({at + 3: axis}, axis @ lean, priors.face_tilt)
+            self._add_row({at + 6: np.ones(1)}, start.side[i] - box.side[i], priors.side_m)
 
-    def _add(self, at: int, hessian: Floats, gradient: Floats) -> None:
-        n = len(gradient)
-        self._hessian[at : at + n, at : at + n] += hessian
-        self._gradient[at : at + n] += gradient
+    def _add_row(self, row: dict[int, Floats], gap: float, sigma: float) -> None:
+        """One more residual ``gap - row @ step`` of standard deviation ``sigma``."""
+        full = np.zeros(len(self._gradient))
+        for at, values in row.items():
+            full[at : at + len(values)] = values
+        self._hessian += np.outer(full, full) / sigma**2
+        self._gradient += full * gap / sigma**2
 
     def solve(self, planes_only: bool) -> tuple[Floats, Floats]:
         n = self._planes if planes_only else len(self._gradient)
@@ -251,19 +282,17 @@ class _System:
         return step, hessian
 
 
-def _by_shared(flat: Linear, placed: Floats, box: _Geometry, pose: Rigid) -> Floats:
-    """Derivatives (n, rows, 3 + 7 faces) of the predicted pixels by the plane and the faces."""
+def _by_shared(placed: Floats, box: _Geometry, pose: Rigid) -> Floats:
+    """Derivatives (n, faces, 4, 3, unknowns) of placed corners by the plane, the faces and the box's growth."""
     n, faces = placed.shape[:2]
-    out = np.zeros((n, faces, 4, 2, _PLANE + _FACE * faces))
-    lift = np.zeros((*placed.shape, _PLANE))
-    lift[..., 0], lift[..., 1] = np.cross(np.eye(3)[0], placed), np.cross(np.eye(3)[1], placed)
-    lift[..., 2, 2] = 1
-    out[..., :_PLANE] = flat.by_point @ lift
-    by_corner = flat.by_point @ pose.rotation[:, None, None]
+    out = np.zeros((*placed.shape, _PLANE + _unknowns(box)))
+    out[..., 0], out[..., 1] = np.cross(np.eye(3)[0], placed), np.cross(np.eye(3)[1], placed)
+    out[..., 2, 2] = 1
     arms = box.corners - box.centre[:, None]
     for f in range(faces):
         at = _PLANE + _FACE * f
-        out[:, f, ..., at : at + 3] = by_corner[:, f]
-        out[:, f, ..., at + 3 : at + 6] = by_corner[:, f] @ -skew(arms[f])
-        out[:, f, ..., at + 6] = np.einsum("nkij,kj->nki", by_corner[:, f], arms[f] / box.side[f])
-    return out.reshape(n, faces * 8, -1)
+        out[:, f, :, :, at : at + 3] = pose.rotation[:, None]
+        out[:, f, :, :, at + 3 : at + 6] = pose.rotation[:, None] @ -skew(arms[f])
+        out[:, f, :, :, at + 6] = np.einsum("nij,kj->nki", pose.rotation, arms[f] / box.side[f])
+    out[..., 2, -1] = box.nominal_height / 2
+    return out

@@ -9,7 +9,8 @@ from ecat.sample.annotation import SCHEME
 from ecat.sample.script import ACTIONS
 from ecat.sample.sensor import NOISELESS, NoiseModel
 from ecat.sample.session import sample_session
-from ecat.sample.truth import GroundTruth, ground_truth_tables, write_truth
+from ecat.sample.truth import GroundTruth
+from ecat.sample.truth_tables import ground_truth_tables, write_truth
 
 __all__ = [
     "ACTIONS",

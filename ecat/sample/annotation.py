@@ -35,7 +35,13 @@ STREAM = "color"
 TOUCHING_M, NEAR_M, ON_M = 0.005, 0.1, 0.002
 """Free distance up to which two cubes touch or are near; height up to which a cube is on the table."""
 _AUTHOR = "sample"
-_PREPOSITIONS = {"next": "next to", "past": "past", "around": "around", "toward": "toward", "away": "away from"}
+_PREPOSITIONS = {
+    "next": "next to",
+    "past": "past",
+    "around": "around",
+    "toward": "toward",
+    "away": "away from",
+}
 _PARTS = ("grasp", "hold", "move", "release")
 
 _ARGUMENTS = tuple(RoleType(name=name, required=True) for name in ("Agent", "Theme", "Landmark"))

@@ -19,7 +19,10 @@ from ecat.model.session import Camera as ManifestCamera
 
 EDGE_M = 0.1524
 HALF_M = EDGE_M / 2
-TABLE_OUTLINE_M: Floats = np.array([[-0.64, 0.36, 0.0], [0.64, 0.36, 0.0], [0.6, -0.46, 0.0], [-0.6, -0.46, 0.0]])
+SIZE_M: Triple = (EDGE_M, EDGE_M, EDGE_M)
+TABLE_OUTLINE_M: Floats = np.array(
+    [[-0.64, 0.36, 0.0], [0.64, 0.36, 0.0], [0.6, -0.46, 0.0], [-0.6, -0.46, 0.0]]
+)
 """Corners (4, 3) of the table top that the annotator outlines: far left, far right, near right, near left."""
 WORKSPACE_M: Floats = np.array([[-0.38, -0.32], [0.38, 0.24]])
 """Least and greatest x, y of a cube's centre."""
@@ -87,9 +90,11 @@ def manifest_camera(camera: Camera, reference: str) -> ManifestCamera:
     )
 
 
-def _stuck_face(face: FaceName, code: str, side_m: float, nudge_mm: tuple[float, float], turn_deg: float) -> MarkerFace:
-    """A marker stuck on by hand: off the face's middle by ``nudge_mm`` (marker axes) and turned."""
-    nominal = nominal_face(face, code.replace("/", ""), side_m, (EDGE_M,) * 3)
+def _stuck_face(
+    face: FaceName, code: str, side_m: float, nudge_mm: tuple[float, float], turn_deg: float
+) -> MarkerFace:
+    """A marker stuck on by hand: off the face's middle by ``nudge_mm``, in its own axes, and turned."""
+    nominal = nominal_face(face, code.replace("/", ""), side_m, SIZE_M)
     axis = Rigid.from_quaternion(np.array(nominal.quaternion), np.array(nominal.centre))
     half = math.radians(turn_deg) / 2
     spin = Rigid.from_quaternion(
@@ -104,7 +109,7 @@ def _stuck_face(face: FaceName, code: str, side_m: float, nudge_mm: tuple[float,
 BOXES: tuple[BoxPrototype, BoxPrototype] = (
     BoxPrototype(
         "Shell",
-        (EDGE_M,) * 3,
+        SIZE_M,
         (
             _stuck_face("+z", "01001/10000/10000/01001/10111", 0.0898, (1.6, -1.1), 90.6),
             _stuck_face("-y", "10111/01001/01001/01001/01001", 0.0891, (-0.7, 1.3), -0.9),
@@ -113,7 +118,7 @@ BOXES: tuple[BoxPrototype, BoxPrototype] = (
     ),
     BoxPrototype(
         "Stella Artois",
-        (EDGE_M,) * 3,
+        SIZE_M,
         (
             _stuck_face("+z", "11111/00000/11000/11000/11000", 0.0853, (-2.1, 0.5), -0.4),
             _stuck_face("-y", "10101/01010/11111/11111/10101", 0.0891, (0.3, 0.9), 1.1),
@@ -121,7 +126,7 @@ BOXES: tuple[BoxPrototype, BoxPrototype] = (
         ),
     ),
 )
-"""The same two cubes in every sample, with the ArUco "original" ids 521, 426, 303 and 5, 477, 71 (ECAT 2018 file
-format §1.8).  As on the real cubes, the markers are not quite where the prototype tables put them."""
+"""The same two cubes in every sample, with the ArUco "original" ids 521, 426, 303 and 5, 477, 71 (ECAT 2018
+file format §1.8).  As on the real cubes, the markers are not quite where the prototype tables put them."""
 YAW_RAD = -math.pi / 4
 """The yaw at which a cube shows the camera the edge between its two marked sides."""

@@ -15,16 +15,16 @@ from ecat.sample.scene import HALF_M, WORKSPACE_M, Scene
 
 ACTIONS = ("next", "past", "around", "toward", "away")
 _STYLES = ("flat", "lift", "tilt", "split", "flat")
-_SAMPLES: Floats = np.linspace(0.0, 1.0, 41)
+_SAMPLES: Floats = np.linspace(0.0, 1.0, 81)
 _TRIES = 400
 
 
 @dataclass(frozen=True, kw_only=True)
 class Carry:
-    """One grasp of a cube.  The frames are where each phase begins, half-open one after the other.
+    """One grasp of a cube.  The frames say where each phase begins; it ends where the next one does.
 
-    The cube goes from ``share[0]`` to ``share[1]`` of its path in ``[move, still)``; the hand is rigidly with it in
-    ``[hold, release)``, at ``grip`` from its centre when the hold begins (table axes, metres).
+    The cube goes from ``share[0]`` to ``share[1]`` of its path in ``[move, still)``.  The hand is rigidly
+    with it in ``[hold, release)``, at ``grip`` from its centre when the hold begins (table axes, metres).
     """
 
     share: tuple[float, float]
@@ -41,7 +41,7 @@ class Carry:
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """One cube's way from rest to rest: ``kind`` is an action, or ``set``, a rearrangement nobody annotates."""
+    """One cube's way from rest to rest: ``kind`` is an action, or ``set``, which nobody annotates."""
 
     kind: str
     box: int
@@ -218,11 +218,12 @@ def _possible(scene: Scene, kind: str, state: State, box: int, path: Path) -> Ha
         return None
     hand = _nearer_hand(scene, place)
     gap = box_gap(Rigid.from_quaternion(box_quaternion(yaw, tilt), place), _standing(state, 1 - box))
-    return hand if gap.min() > 0.0005 else None
+    # boxes that touch may part and meet, but not slide along each other; in between they keep clear
+    return hand if gap.min() > 0.8 * min(gap[0], gap[-1], 0.005) > 0.0005 else None
 
 
 def _nearer_hand(scene: Scene, place: Floats) -> Hand | None:
-    """The hand nearer to all of a cube's centres ``place`` (m, 3); None if one of them is out of its reach."""
+    """The hand nearer to all centres ``place`` (m, 3) of a cube; None if one of them is out of its reach."""
     grips = place + np.array([0.0, 0.0, HALF_M + 0.03])
     shoulders = [shoulder(hand, scene.scale, scene.sway_m) for hand in HANDS]
     far = [float(np.sqrt(((grips - start) ** 2).sum(-1)).max()) for start in shoulders]

@@ -6,6 +6,7 @@ Source: ECAT 2018 file format §0.3, §0.4, §1.2.4 (order of corners and codes)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -31,11 +32,12 @@ class NoiseModel:
     Parameters
     ----------
     corner_px : of a detected corner; ``whole_pixels`` rounds it as the old detector did.
-    missed : probability that a visible face is not found; ``blur_px`` is the way of its corners from one frame to the
-        next at which a face is lost with probability 0.63.
-    outage, outage_frames : probability per frame and box that the box is lost altogether, and for how long on average.
+    missed : probability that a visible face is not found.
+    blur_px : way of the corners from one frame to the next at which a face is lost with probability 0.63.
+    outage : probability per frame and box that the box is lost altogether; ``outage_frames``: mean length.
     depth_m, lateral_m : of a corner in space, along and across the sight line.
-    depth_lost, depth_beyond : probability that a corner has no depth, or that of something up to 0.15 m behind it.
+    depth_lost : probability that a corner has no depth.
+    depth_beyond : probability that a corner has the depth of something up to 0.15 m behind it.
     joint_m, inferred_m : of a joint seen, and of one behind something.
     polygon_px, polygon_m : of the vertices of the table that a person drew, and of their mapping into space.
     """
@@ -77,14 +79,15 @@ NOISELESS = NoiseModel(
 def markers(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator) -> tuple[pa.Table, pa.Table]:
     """``markers_2d`` and ``markers_3d``: the faces that a detector finds, in its order, with its errors."""
     pixels = truth.pixels + rng.normal(0, 1, truth.pixels.shape) * noise.corner_px
-    pixels = np.round(pixels) if noise.whole_pixels else pixels
+    pixels = _stepped(pixels, 1.0 if noise.whole_pixels else _PIXEL_STEP)
     size = np.ptp(pixels, axis=-2)
     found = _found(truth, noise, rng) & (size >= MIN_SIDE_PX).all(-1)
-    found &= ((pixels > 0) & (pixels < [truth.scene.color.width - 1, truth.scene.color.height - 1])).all((-1, -2))
+    inside = (pixels > 0) & (pixels < [truth.scene.color.width - 1, truth.scene.color.height - 1])
+    found &= inside.all((-1, -2))
     box, frame, face, order = _rows(found, size.prod(-1))
     # in the mirrored image the print's own clockwise ring runs the other way
     ring = pixels[box, frame, face, ::-1]
-    space = _depth(truth, noise, rng, box, frame, face)
+    space = _stepped(_depth(truth, noise, rng, truth.corners[box, frame, face, ::-1]), _METRE_STEP)
     codes = _codes(truth)[box, face, _first(ring[..., 0] * 1e5 + ring[..., 1])]
     shared = [
         truth.t_ns[frame],
@@ -98,11 +101,11 @@ def markers(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator) -> 
         np.full(len(frame), None),
     ]
     flat = _rotate(ring, ring.sum(-1) + ring[..., 0] * 1e-5)
-    # least X + Y in Kinect camera space is greatest x + y here; a corner without depth comes before all others
-    deep = _rotate(space, np.where(np.isnan(space[..., 0]), -np.inf, -space[..., 0] - space[..., 1]))
+    # least X + Y in Kinect camera space is greatest x + y here; a corner without depth comes before all
+    deep = _rotate(space, np.nan_to_num(-space[..., 0] - space[..., 1], nan=-np.inf))
     return (
-        _table("markers_2d", [*shared, *_stepped(flat, _PIXEL_STEP).reshape(-1, 8).T]),
-        _table("markers_3d", [*shared, *_stepped(deep, _METRE_STEP).reshape(-1, 12).T]),
+        _table("markers_2d", [*shared, *flat.reshape(-1, 8).T]),
+        _table("markers_3d", [*shared, *deep.reshape(-1, 12).T]),
     )
 
 
@@ -132,7 +135,7 @@ def joints(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator, rig_
 
 def _table(name: str, columns: list[NDArray[np.generic]]) -> pa.Table:
     schema = TABLES[name].arrow
-    arrays: list[pa.Array] = []
+    arrays: list[pa.Array[Any]] = []
     for values, field in zip(columns, schema, strict=True):
         if pa.types.is_dictionary(field.type):
             arrays.append(pa.array(values, pa.string()).dictionary_encode())
@@ -194,16 +197,8 @@ def _rotate(ring: Floats, key: Floats) -> Floats:
     return np.take_along_axis(ring, ((_first(key)[:, None] + np.arange(4)) % 4)[..., None], 1)
 
 
-def _depth(
-    truth: GroundTruth,
-    noise: NoiseModel,
-    rng: np.random.Generator,
-    box: NDArray[np.intp],
-    frame: NDArray[np.intp],
-    face: NDArray[np.intp],
-) -> Floats:
-    """Corners (n, 4, 3) in ``camera/depth`` as mapped through depth, in the order of the reversed ring; NaN: lost."""
-    corners = truth.corners[box, frame, face, ::-1]
+def _depth(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator, corners: Floats) -> Floats:
+    """Corners (n, 4, 3) of the ``table`` frame in ``camera/depth``, as mapped through depth; NaN: lost."""
     place = truth.scene.depth_from_table.apply(corners)
     eye = truth.scene.color.from_reference.inverse().translation
     ray = place - eye

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from ecat.errors import UsageError
 from ecat.geometry.cameras import KINECT_V2_DEPTH
 from ecat.model import Clock, Manifest, Provenance, Stream
 from ecat.sample.annotation import RIG_ID, annotate
@@ -15,10 +16,9 @@ from ecat.sample.script import ACTIONS, write_script
 from ecat.sample.sensor import NoiseModel, joints, markers
 from ecat.sample.simulate import simulate
 from ecat.sample.truth import GroundTruth
+from ecat.store import Draft, TableData
 
-if TYPE_CHECKING:
-    from ecat.store import Draft
-
+StreamKind: TypeAlias = Literal["color", "depth", "skeleton", "other"]
 _CREATED = "2024-03-05T10:00:00"
 _STAMP = "3_5_2024_10_00_00AM"
 
@@ -32,9 +32,9 @@ def sample_session(
 ) -> tuple[Draft, GroundTruth]:
     """A session that never was, and what really happened in it.
 
-    Two marked cubes, "Shell" (o2) and "Stella Artois" (o3), stand on a table (o4); a seated performer (o1) slides one
-    of them next to, past, around, toward or away from the other, once for each of ``actions``.  The same seed, actions
-    and noise give the same session bit for bit; the noise does not change what happens.
+    Two marked cubes, "Shell" (o2) and "Stella Artois" (o3), stand on a table (o4); a seated performer (o1)
+    slides one of them next to, past, around, toward or away from the other, once for each of ``actions``.
+    The same seed, actions and noise give the same session bit for bit; noise does not change what happens.
 
     Parameters
     ----------
@@ -45,10 +45,12 @@ def sample_session(
 
     Raises
     ------
-    UsageError : no actions, or an unknown one.
+    UsageError : no actions, an unknown one, or a negative seed.
     """
-    from ecat.store import Draft, TableData
-
+    if seed < 0:
+        raise UsageError(
+            "cannot write a sample session", where=f"seed {seed}", fix="give a seed of 0 or more"
+        )
     script, world, sensor, person = (
         np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, k]))) for k in range(4)
     )
@@ -62,11 +64,14 @@ def sample_session(
         name=name, seed=seed, clock=clock, scene=scene, start=start, moves=moves, n_frames=n_frames
     )
     markers_2d, markers_3d = markers(truth, noise, sensor)
-    tables = {"joints": joints(truth, noise, sensor, RIG_ID), "markers_2d": markers_2d, "markers_3d": markers_3d}
     draft = Draft(
         manifest=_manifest(truth),
         layers=(annotate(truth, noise, person),),
-        tables={key: TableData(data=table) for key, table in tables.items()},
+        tables={
+            "markers_2d": TableData(data=markers_2d),
+            "markers_3d": TableData(data=markers_3d),
+            "joints": TableData(data=joints(truth, noise, sensor, RIG_ID)),
+        },
     )
     return draft, truth
 
@@ -80,10 +85,18 @@ def _manifest(truth: GroundTruth) -> Manifest:
         clock=truth.clock,
         cameras=(manifest_camera(truth.scene.color, "depth"), manifest_camera(KINECT_V2_DEPTH, "")),
         streams=(
-            Stream(name="color", kind="color", file=f"media/rgb_{_STAMP}.avi", codec="mpeg4", camera="color", n_frames=n),
-            Stream(name="depth", kind="depth", file=f"media/depth_{_STAMP}.dep", codec="raw", camera="depth", n_frames=n),
-            Stream(name="skeleton", kind="skeleton", file=f"media/rig_{_STAMP}.xml", n_frames=n),
-            Stream(name="body_scheme", kind="other", file="media/bodyScheme.xml"),
+            _absent("color", "color", f"rgb_{_STAMP}.avi", n_frames=n, codec="mpeg4", camera="color"),
+            _absent("depth", "depth", f"depth_{_STAMP}.dep", n_frames=n, camera="depth"),
+            _absent("skeleton", "skeleton", f"rig_{_STAMP}.xml", n_frames=n),
+            _absent("body_scheme", "other", "bodyScheme.xml"),
         ),
-        provenance=Provenance(format="sample", source=f"seed {truth.seed}", notes=("generated; there are no images",)),
+        provenance=Provenance(
+            format="sample", source=f"seed {truth.seed}", notes=("generated, without images",)
+        ),
     )
+
+
+def _absent(
+    name: str, kind: StreamKind, file: str, *, n_frames: int | None = None, codec: str = "", camera: str = ""
+) -> Stream:
+    return Stream(name=name, kind=kind, file=f"media/{file}", n_frames=n_frames, codec=codec, camera=camera)

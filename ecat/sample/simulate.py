@@ -33,8 +33,8 @@ def simulate(
     joints = skeleton(_play_hands(moves, poses, n_frames), scene.scale, scene.sway_m)
     corners = np.stack(
         [
-            np.einsum("nij,fkj->nfki", poses.rotation[b], box_corners(BOXES[b])) + poses.translation[b, :, None, None]
-            for b in range(2)
+            np.einsum("nij,fkj->nfki", turn, box_corners(box)) + place[:, None, None]
+            for box, turn, place in zip(BOXES, poses.rotation, poses.translation, strict=True)
         ]
     )
     facing, hidden = _hidden_faces(scene, poses, corners, joints)
@@ -115,21 +115,24 @@ def _play_carry(path: Floats, carry: Carry, box: Rigid) -> None:
         (carry.retreat, carry.end, last + open_hand, rest, 0.06),
     ):
         tau = (np.arange(end - begin) / (end - begin))[:, None]
-        path[begin:end] = a + (b - a) * minimum_jerk(tau) + rise * np.array([0, 0, 1]) * 16 * (tau * (1 - tau)) ** 2
+        over = np.array([0.0, 0.0, rise]) * 16 * (tau * (1 - tau)) ** 2
+        path[begin:end] = a + (b - a) * minimum_jerk(tau) + over
 
 
 # ------------------------------------------------------------------------------------------- visibility
 
 
-def _hidden_faces(scene: Scene, poses: Rigid, corners: Floats, joints: Floats) -> tuple[Floats, NDArray[np.int8]]:
+def _hidden_faces(
+    scene: Scene, poses: Rigid, corners: Floats, joints: Floats
+) -> tuple[Floats, NDArray[np.int8]]:
     """Cosine to the camera and index into ``HIDERS`` (boxes, frames, faces)."""
     facing, hidden = np.empty(corners.shape[:3]), np.zeros(corners.shape[:3], np.int8)
     for b in range(2):
         centre = corners[b].mean(-2)
-        normal = np.cross(corners[b, :, :, 1] - corners[b, :, :, 2], corners[b, :, :, 0] - corners[b, :, :, 1])
+        _, right, low, _ = np.moveaxis(corners[b], -2, 0)
+        normal = np.cross(right - low, corners[b, :, :, 0] - right)
         to_eye = scene.eye - centre
-        length = np.sqrt((normal**2).sum(-1) * (to_eye**2).sum(-1))
-        facing[b] = (normal * to_eye).sum(-1) / length
+        facing[b] = (normal * to_eye).sum(-1) / np.sqrt((normal**2).sum(-1) * (to_eye**2).sum(-1))
         # nine points of every marker: corners, middles of the edges, centre
         points = np.concatenate(
             [corners[b], (corners[b] + np.roll(corners[b], 1, -2)) / 2, centre[:, :, None]], -2
@@ -143,7 +146,7 @@ def _hidden_faces(scene: Scene, poses: Rigid, corners: Floats, joints: Floats) -
 
 
 def _any(behind: NDArray[np.bool_], points: Floats) -> NDArray[np.bool_]:
-    return behind.reshape(points.shape[:-1]).any(-1)
+    return np.any(behind.reshape(points.shape[:-1]), axis=-1)
 
 
 def _hidden_joints(scene: Scene, poses: Rigid, joints: Floats) -> NDArray[np.bool_]:
@@ -158,7 +161,7 @@ def _hidden_joints(scene: Scene, poses: Rigid, joints: Floats) -> NDArray[np.boo
 
 
 def behind_box(eye: Floats, points: Floats, box: Rigid) -> NDArray[np.bool_]:
-    """Whether the sight lines to points (n, k, 3) cross the cube (n) before they arrive (n, k); slab method."""
+    """Whether sight lines to points (n, k, 3) cross the cube (n) before they arrive (n, k); slab method."""
     start = (eye - box.translation)[:, None] @ box.rotation
     way = (points - box.translation[:, None]) @ box.rotation - start
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,9 +176,9 @@ def _behind_arms(eye: Floats, points: Floats, joints: Floats) -> NDArray[np.bool
     way = points - eye
     length2 = (way * way).sum(-1)
     for side in ("Left", "Right"):
-        joint = {part: joints[:, JOINTS.index(part + side)] for part in ("Elbow", "Wrist", "Hand", "HandTip", "Thumb")}
-        parts = [(joint[part], radius) for part, radius in _HAND_PARTS]
-        parts += [(joint["Wrist"] + t * (joint["Elbow"] - joint["Wrist"]), _ARM_RADIUS_M) for t in np.linspace(0, 1, 6)]
+        parts = [(joints[:, JOINTS.index(part + side)], radius) for part, radius in _HAND_PARTS]
+        wrist, elbow = (joints[:, JOINTS.index(part + side)] for part in ("Wrist", "Elbow"))
+        parts += [(wrist + t * (elbow - wrist), _ARM_RADIUS_M) for t in np.linspace(0, 1, 6)]
         for centre, radius in parts:
             ball = (centre - eye)[:, None]
             share = (way * ball).sum(-1) / length2

@@ -1,0 +1,12 @@
+"""Stages: pure functions from arrays or Arrow tables to Arrow tables."""
+
+from __future__ import annotations
+
+from ecat.stages.plane import PLANE
+from ecat.stages.pose import POSE
+from ecat.stages.stage import Stage
+
+STAGES: tuple[Stage, ...] = (PLANE, POSE)
+"""Every stage, in the order in which they run."""
+
+__all__ = ["STAGES", "Stage"]

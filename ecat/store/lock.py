@@ -51,8 +51,8 @@ except ImportError:  # pragma: no cover - Windows
 
 
 @contextmanager
-def locked(folder: Path, *, wait_s: float = 0.0) -> Generator[None]:
-    """Hold the write lock of a session's folder.
+def locked(folder: Path, *, what: str = "", wait_s: float = 0.0) -> Generator[None]:
+    """Hold the write lock of a session's folder; ``what`` is the first line of an error.
 
     Raises
     ------
@@ -60,8 +60,9 @@ def locked(folder: Path, *, wait_s: float = 0.0) -> Generator[None]:
     ReadOnlyError, DiskError, NotFoundError : the lock file cannot be made.
     """
     path = folder / LOCK_FILE
-    with files.typed_errors(f"cannot lock {folder.name}", path, "nothing was written"):
-        descriptor = _acquire(path, time.monotonic() + wait_s)
+    what = what or f"cannot write to {folder.name}"
+    with files.typed_errors(what, path, "nothing was written"):
+        descriptor = _acquire(path, what, time.monotonic() + wait_s)
     try:
         yield
     finally:
@@ -82,18 +83,18 @@ def exclusive(descriptor: int, path: Path, *, wait_s: float = 5.0) -> Generator[
     ------
     LockedError : somebody else holds it for longer than ``wait_s``.
     """
-    _wait(descriptor, path, time.monotonic() + wait_s)
+    _wait(descriptor, path, f"cannot write to {path.name}", time.monotonic() + wait_s)
     try:
         yield
     finally:
         _give(descriptor)
 
 
-def _acquire(path: Path, deadline: float) -> int:
+def _acquire(path: Path, what: str, deadline: float) -> int:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
         try:
-            _wait(descriptor, path, deadline)
+            _wait(descriptor, path, what, deadline)
             if _names(path, descriptor):
                 _sign(descriptor)
                 return descriptor
@@ -103,7 +104,7 @@ def _acquire(path: Path, deadline: float) -> int:
         os.close(descriptor)
 
 
-def _wait(descriptor: int, path: Path, deadline: float) -> None:
+def _wait(descriptor: int, path: Path, what: str, deadline: float) -> None:
     while True:
         try:
             _take(descriptor)
@@ -111,7 +112,7 @@ def _wait(descriptor: int, path: Path, deadline: float) -> None:
         except BlockingIOError:
             if time.monotonic() >= deadline:
                 raise LockedError(
-                    f"cannot write to {path.parent.name}",
+                    what,
                     where=f"{path}: {_holder(path)}",
                     consequence="nothing was written",
                     fix="wait until the other program has finished, or end it",

@@ -70,7 +70,7 @@ class TableView:
         return self._rows
 
     def to_pandas(self) -> pd.DataFrame:
-        """The rows as a DataFrame: names are categories, whole numbers that may be missing ``Int64`` and its kin."""
+        """The rows as a DataFrame: names are categories, nullable integers are ``Int64`` and its kin."""
         import pandas as pd
 
         masked: dict[pa.DataType, ExtensionDtype] = {

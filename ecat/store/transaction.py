@@ -142,7 +142,7 @@ def settle(folder: Path) -> None:
     if not (folder / COMMIT_FILE).exists():
         return
     what = f"cannot finish the interrupted commit of {folder.name}"
-    with locked(folder, wait_s=_SETTLE_S):
+    with locked(folder, what=what, wait_s=_SETTLE_S):
         roll_forward(folder, what)
 
 

@@ -36,7 +36,7 @@ _RING = np.array([0, 1, 2, 3, 0])
 
 
 def markers_2d(table: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Marker faces (table ``markers_2d``) as closed quadrilaterals, pixels; a frame without faces shows none."""
+    """Marker faces (table ``markers_2d``) as closed rings, pixels; a frame without faces shows none."""
     import rerun as rr
 
     for object_id, rows in by_object(table):

@@ -44,8 +44,8 @@ _DENIED = (70, 76, 84)
 def assign_lanes(spans: Sequence[Span], depths: Sequence[int]) -> list[int]:
     """A lane for each span, from 0: no two in a lane overlap, and deeper spans lie in later lanes.
 
-    Each takes the first lane of its depth that is free, in the order of their starts (interval partitioning: as
-    few lanes as possible per depth).
+    Each takes the first lane of its depth that is free, in the order of their starts (interval partitioning:
+    as few lanes as possible per depth).
     """
     lanes = [0] * len(spans)
     first = 0
@@ -68,7 +68,7 @@ def assign_lanes(spans: Sequence[Span], depths: Sequence[int]) -> list[int]:
 
 
 def nesting(parts: Iterable[tuple[T, T]]) -> dict[T, int]:
-    """How deep each event lies below those that it is part of, by pairs (whole, part); circles count as flat."""
+    """How deep each event lies below what it is part of, from pairs (whole, part); circles count as flat."""
     below: dict[T, list[T]] = defaultdict(list)
     waiting: dict[T, int] = defaultdict(int)
     for whole, part in set(parts):
@@ -89,8 +89,8 @@ def nesting(parts: Iterable[tuple[T, T]]) -> dict[T, int]:
 def changes(spans: Iterable[tuple[int, int, str]]) -> list[tuple[int, str]]:
     """Frames at which a lane's state changes, and to what; '' where nothing is on.
 
-    ``spans`` are (start, end, state).  Of two that overlap the later one wins from its start; equal states that
-    touch or overlap become one.
+    ``spans`` are (start, end, state).  Of two that overlap the later one wins from its start; equal states
+    that touch or overlap become one.
     """
     found: list[tuple[int, str]] = []
     ordered = sorted(spans)
@@ -125,8 +125,8 @@ def lane(
 
 def spans(table: pa.Table, n_frames: int) -> list[Span]:
     """The rows' frames ``[start, end)``, at least one image each; an open end is the recording's."""
-    starts = table.column("start_frame").to_pylist()
-    ends = table.column("end_frame").to_pylist()
+    starts: list[int] = integers(table, "start_frame").tolist()
+    ends: list[int | None] = table.column("end_frame").to_pylist()
     return [(s, max(s + 1, n_frames if e is None else e)) for s, e in zip(starts, ends, strict=True)]
 
 
@@ -215,7 +215,7 @@ def relations(table: pa.Table, scene: Scene) -> Iterator[Chunk]:
 
 
 def supports(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """How each box of table ``poses`` is known, ``/support/<name>``: on the table, free, interpolated, or not."""
+    """How each box of table ``poses`` is known, as ``/support/<name>``; nothing where it is not."""
     for object_id, rows in by_object(poses):
         thing = scene.thing(object_id)
         known = finite(numbers(rows, "x y z qx qy qz qw"))

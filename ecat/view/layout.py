@@ -8,7 +8,7 @@ import numpy as np
 
 from ecat.geometry.transforms import Floats, matrix_about_z
 from ecat.view.plots import METRICS, QUALITY
-from ecat.view.scene import CAMERA, IMAGE, WORLD, Scene
+from ecat.view.scene import CAMERA, IMAGE, WORLD, Scene, Timebase
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +22,7 @@ _TITLES = {
     "n_faces": "Faces used",
 }
 _DARK = (18, 21, 26)
+_EYE_RAD = np.radians(32.0)
 PATH_S = 2.0
 """How long the path behind a box stays."""
 
@@ -41,13 +42,17 @@ def layout(
     paths : entity paths of everything sent.
     scene : whose clock decides the timeline.
     image_size : width and height of the colour image in pixels, None where unknown.
-    table : (n, 2) the table's edge, world, metres.
+    table : (n, 2) the table's edge, world, metres; None where it is not known.
     camera_at : (3,) where the depth camera stands, world, metres: the scene is first seen from its side.
     """
     import rerun.blueprint as rrb
 
     top = [view for view in (_image(paths, image_size), _space(paths, table, camera_at)) if view]
-    bottom = {name: view for name, view in (("lanes", _lanes(paths)), ("curves", _curves(paths))) if view}
+    bottom = {
+        name: view
+        for name, view in (("lanes", _lanes(paths, scene.timebase)), ("curves", _curves(paths)))
+        if view
+    }
     shares = {"lanes": 10, "curves": 7, "texts": 5}
     below = rrb.Horizontal(
         *bottom.values(), _texts(paths), column_shares=[shares[n] for n in [*bottom, "texts"]]
@@ -85,23 +90,18 @@ def _image(paths: Sequence[str], size: tuple[int, int] | None) -> rrb.View | Non
     )
 
 
-def _space(paths: Sequence[str], table: Floats, camera_at: Floats) -> rrb.View | None:
+def _space(paths: Sequence[str], table: Floats | None, camera_at: Floats) -> rrb.View | None:
     import rerun.blueprint as rrb
 
     if not _any(
         paths, f"{WORLD}/boxes/", *(f"{CAMERA}/{part}" for part in ("depth", "markers", "skeleton", "shapes"))
     ):
         return None
-    low, high = table.min(0), table.max(0)
-    target = np.append((low + high) / 2, 0.05)
-    # a little beside the camera, so that what it saw is seen as it saw it, and deep
-    away = matrix_about_z(np.array(np.radians(25.0))) @ (camera_at - target)
-    reach = 0.8 * float(np.linalg.norm(high - low)) + 0.2
     last = [
         rrb.VisibleTimeRange("session_time", start=_before(seconds=-PATH_S), end=_before(seconds=0)),
         rrb.VisibleTimeRange("frame", start=_before(seq=-round(30 * PATH_S)), end=_before(seq=0)),
     ]
-    overrides: dict[str, Any] = {
+    overrides: Any = {
         path: rrb.archetypes.VisibleTimeRanges(last) for path in paths if path.startswith(f"{WORLD}/paths/")
     }
     return rrb.Spatial3DView(
@@ -110,13 +110,25 @@ def _space(paths: Sequence[str], table: Floats, camera_at: Floats) -> rrb.View |
         contents=["$origin/**", f"- {IMAGE}/**", f"+ {IMAGE}", f"+ {IMAGE}/image"],
         background=_DARK,
         line_grid=rrb.LineGrid3D(spacing=0.1, stroke_width=0.6, color=(120, 130, 145, 70)),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=target + away / np.linalg.norm(away) * reach,
-            look_target=target,
-            eye_up=(0.0, 0.0, 1.0),
-        ),
+        eye_controls=_eye(table, camera_at) if table is not None else None,
         overrides=overrides,
+    )
+
+
+def _eye(table: Floats, camera_at: Floats) -> rrb.EyeControls3D:
+    """Where the scene is first seen from: to one side of the camera, with it and the whole table in sight."""
+    import rerun.blueprint as rrb
+
+    low, high = table.min(0), table.max(0)
+    target = np.append((low + high) / 2, 0.05)
+    side = matrix_about_z(np.array(np.radians(35.0))) @ np.append((camera_at - target)[:2], 0.0)
+    side = side / max(float(np.linalg.norm(side)), 1e-6)
+    reach = 0.95 * float(np.linalg.norm(high - low)) + 0.2
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=target + reach * (np.cos(_EYE_RAD) * side + [0.0, 0.0, np.sin(_EYE_RAD)]),
+        look_target=target,
+        eye_up=(0.0, 0.0, 1.0),
     )
 
 
@@ -126,13 +138,24 @@ def _before(**offset: Any) -> Any:
     return rrb.TimeRangeBoundary.cursor_relative(**offset)
 
 
-def _lanes(paths: Sequence[str]) -> rrb.View | None:
+def _lanes(paths: Sequence[str], timebase: Timebase) -> rrb.View | None:
+    import rerun as rr
     import rerun.blueprint as rrb
 
     if not _any(paths, "/events/", "/relations/", "/support/"):
         return None
     contents = ["/events/**", "/relations/**", "/support/**"]
-    return rrb.StateTimelineView(origin="/", contents=contents, name="Events, relations, support")
+    # the view would start with its own idea of a range, often the first half minute
+    end = timebase.n_frames if timebase.t_ns is None else int(timebase.t_ns[-1])
+    whole = rr.TimeRange(
+        start=rrb.TimeRangeBoundary.absolute(seq=0), end=rrb.TimeRangeBoundary.absolute(seq=max(end, 1))
+    )
+    return rrb.StateTimelineView(
+        origin="/",
+        contents=contents,
+        name="Events, relations, support",
+        time_view=rrb.archetypes.TimeAxis(view_range=whole),
+    )
 
 
 def _curves(paths: Sequence[str]) -> rrb.Container | None:

@@ -34,13 +34,13 @@ def quality(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
     """The curves of table ``poses``; a frame without a value leaves a gap."""
     for object_id, rows in by_object(poses):
         thing, frames = scene.thing(object_id), integers(rows, "frame")
-        curves = dict(zip(("residual_px", "n_faces"), numbers(rows, "residual_px n_faces").T, strict=True))
-        curves["sigma_mm"] = numbers(rows, "sigma_m")[:, 0] * 1000
+        residual, faces, sigma = numbers(rows, "residual_px n_faces sigma_m").T
+        curves = {"residual_px": residual, "n_faces": faces, "sigma_mm": sigma * 1000}
         if scene.timebase.t_ns is not None:
             # missing frames must not be bridged, so the rows are spread over every frame first
             everywhere = np.full((scene.timebase.n_frames, 3), np.nan)
             everywhere[frames] = numbers(rows, "x y z")
-            t_s = scene.timebase.t_ns[: scene.timebase.n_frames] * 1e-9
+            t_s = scene.timebase.t_ns[: scene.timebase.n_frames].astype(np.float64) / 1e9
             curves["speed_m_per_s"] = speed(everywhere, t_s)[frames]
         for metric, values in curves.items():
             yield from curve(

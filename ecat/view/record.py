@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from ecat.errors import os_error
 from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
 from ecat.progress import Progress, silent
+from ecat.store import Session, staged_file
 from ecat.view.about import about
 from ecat.view.image import border, markers_2d, shapes_2d
 from ecat.view.lanes import event_log, events, relations, supports
@@ -21,6 +21,7 @@ from ecat.view.layout import layout
 from ecat.view.media import media
 from ecat.view.plots import quality
 from ecat.view.scene import Scene, integers, numbers, scene, static
+from ecat.view.sink import written_to
 from ecat.view.skeleton import skeletons
 from ecat.view.space import (
     UPRIGHT,
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
     from rerun import RecordingStream
     from rerun.blueprint import Blueprint
     from rerun.chunk import Chunk
-
-    from ecat.store import Session
 
 APPLICATION = "ecat"
 _TABLES = (
@@ -109,22 +108,11 @@ def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> No
 
     Raises
     ------
-    StoreError : the folder is missing, read-only or full.
+    StoreError : the folder is read-only or full.
     """
-    what = f"cannot write {file}"
-    part = file.with_name(f".{file.name}.{uuid.uuid4().hex}.part")
-    try:
-        part.touch(exist_ok=False)
-        stream = recording(session)
-        stream.save(part)
+    stream = recording(session)
+    with staged_file(file, replace=True) as staging, staging.open("wb") as out, written_to(out, stream):
         log_session(session, stream, progress=progress)
-        stream.flush()
-        stream.disconnect()
-        part.replace(file)
-    except OSError as error:
-        raise os_error(error, what, file, "nothing was written") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene) -> Iterator[Chunk]:
@@ -163,7 +151,8 @@ def _blueprint(
     manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene, chunks: list[Chunk]
 ) -> Blueprint:
     plane = tables.get("table_plane")
-    pose = first_table_from_camera(plane) if plane is not None and plane.num_rows else UPRIGHT
+    known = plane is not None and plane.num_rows > 0
+    camera_at = (first_table_from_camera(plane) if known else UPRIGHT).translation
     paths = sorted({chunk.entity_path for chunk in chunks if chunk.num_rows})
     images = {"color": "/world/camera/color/image", "depth": "/world/camera/depth"}
     paths += [images[s.kind] for s in manifest.streams if s.present and s.kind in images]

@@ -26,7 +26,7 @@ Rgb: TypeAlias = tuple[int, int, int]
 WORLD = "/world"
 CAMERA = "/world/camera"
 IMAGE = "/world/camera/color"
-"""What is in pixels of the colour image hangs below its camera, so that Rerun projects boxes into the image."""
+"""What is in pixels of the colour image hangs below its camera: so Rerun can project boxes into the image."""
 
 # Amber and grey are missing on purpose: they say `lifted` and `not observed` wherever something is drawn.
 PALETTE: tuple[Rgb, ...] = (
@@ -138,7 +138,7 @@ def timebase(manifest: Manifest, frames: pa.Table | None) -> Timebase:
 
 
 def things(objects: pa.Table, manifest: Manifest) -> dict[str, Thing]:
-    """The objects of all layers (the first layer decides on an id); sizes from the prototypes of that name."""
+    """The objects of all layers (the first layer decides on an id); sizes from prototypes of that name."""
     sizes = {str(p.get("name")): p.get("size_m") for p in manifest.prototypes}
     found: dict[str, Thing] = {}
     taken: set[str] = set()
@@ -180,7 +180,7 @@ def texts(table: pa.Table, name: str) -> NDArray[np.str_]:
 
 def finite(values: Floats) -> NDArray[np.bool_]:
     """Which rows (rows,) of ``values`` (rows, ...) have no missing number."""
-    return np.isfinite(values.reshape(len(values), -1)).all(axis=1, keepdims=True)[:, 0]
+    return np.logical_and.reduce(np.isfinite(values.reshape(len(values), -1)), axis=1)
 
 
 def by_object(table: pa.Table) -> Iterable[tuple[str, pa.Table]]:
@@ -221,7 +221,7 @@ def rgba(color: Rgb, alpha: int = 255) -> int:
 
 
 def ui_points(width: float) -> float:
-    """A line's radius that stays the same however near it is seen: Rerun takes negative ones as points of the screen."""
+    """A radius that looks the same from near and far: Rerun takes negative ones as points of the screen."""
     return -width
 
 

@@ -22,14 +22,14 @@ from ecat.view.viewer import spawn_viewer
 if TYPE_CHECKING:
     from ecat.store import Session
 
-_SETTLE_S = 5.0
-"""What the views take to load and to draw."""
+_SETTLE_S = 12.0
+"""Until the views are drawn and the viewer's word on where it listens, which covers a corner, has gone."""
 _TOP_BAR = 36
 """Rows of the viewer's menu bar, which says nothing about the session."""
 
 
 def take_screenshot(
-    session: Session, picture: Path, *, frame: int = 0, size: tuple[int, int] = (1600, 1000)
+    session: Session, picture: Path, *, frame: int = 0, size: tuple[int, int] = (1440, 940)
 ) -> None:
     """Write what the viewer shows at ``frame`` as a PNG of ``size`` (width, height) pixels.
 
@@ -67,7 +67,7 @@ def take_screenshot(
 
 
 def smaller(png: bytes, size: tuple[int, int]) -> bytes:
-    """A PNG reduced to ``size`` (the viewer draws two pixels per point) and well packed, without the menu bar."""
+    """A PNG reduced to ``size`` (the viewer draws two pixels per point), packed, without the menu bar."""
     import cv2
 
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)

@@ -55,7 +55,7 @@ def skeletons(joints: pa.Table, scene: Scene) -> Iterator[Chunk]:
 
 
 def joint_grid(rows: pa.Table, columns: str) -> tuple[Frames, NDArray[np.str_], Floats, NDArray[np.bool_]]:
-    """One body's frames (f,), joint names (j,), positions (f, j, d), and whether tracked (f, j); NaN = no row."""
+    """One body's frames (f,), joint names (j,), positions (f, j, d), whether tracked (f, j); NaN = no row."""
     frames, at = np.unique(integers(rows, "frame"), return_inverse=True)
     names, which = np.unique(texts(rows, "joint"), return_inverse=True)
     values = numbers(rows, columns)
@@ -70,7 +70,7 @@ def _drawn(rows: pa.Table, thing: Thing, scene: Scene, path: str, columns: str) 
     import rerun as rr
 
     frames, names, positions, tracked = joint_grid(rows, columns)
-    there = np.isfinite(positions).all(-1)
+    there = np.logical_and.reduce(np.isfinite(positions), axis=-1)
     if not there.any():
         return
     flat = positions.shape[-1] == 2
@@ -78,8 +78,8 @@ def _drawn(rows: pa.Table, thing: Thing, scene: Scene, path: str, columns: str) 
     index = {name: i for i, name in enumerate(names.tolist())}
     pairs = [(index[a], index[b]) for a, b in BONES if a in index and b in index]
     bones = np.array(pairs, np.intp).reshape(-1, 2)
-    whole = there[:, bones].all(-1)
-    ends, sure = positions[:, bones][whole], tracked[:, bones].all(-1)[whole]
+    whole = np.logical_and.reduce(there[:, bones], axis=-1)
+    ends, sure = positions[:, bones][whole], np.logical_and.reduce(tracked[:, bones], axis=-1)[whole]
     # a frame without the body follows its last one: what was shown must go
     counts, bone_counts = there.sum(1), whole.sum(1)
     gone = np.setdiff1d(frames + 1, frames)

@@ -1,7 +1,7 @@
 """What lies in space: cameras, the table, marker faces, boxes with their orientation, skeletons.
 
-The world of the view is the ``table`` frame (z up); what the sensors measured hangs below ``/world/camera``, whose
-transform takes ``camera/depth`` to it.
+The world of the view is the ``table`` frame (z up); what the sensors measured hangs below ``/world/camera``,
+whose transform takes ``camera/depth`` to it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from ecat.view.scene import (
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
 
-# without a table the camera is taken to look straight ahead: x right, y down, z forward turn to x right, y forward, z up
+# without a table the camera is taken to look straight ahead: right, down, forward turn to right, forward, up
 UPRIGHT = Rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 _NEAR_PLANE_M = 0.1
 _RING = np.array([0, 1, 2, 3, 0])
@@ -66,7 +66,7 @@ def first_table_from_camera(table_plane: pa.Table) -> Rigid:
 
 
 def world(table_plane: pa.Table | None, timebase: Timebase) -> Iterator[Chunk]:
-    """The world's axes, and where the depth camera stands in it; the table's first fit holds from the start."""
+    """The world's axes, and where the depth camera stands; the table's first fit holds from the start."""
     import rerun as rr
 
     yield static(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -125,8 +125,8 @@ def color_camera(manifest: Manifest) -> Camera | None:
 def table_outline(drawn: Floats, poses: Floats, margin_m: float = 0.15) -> Floats:
     """A convex ring (n, 2) in the ``table`` frame, metres, to draw the table by, anticlockwise from above.
 
-    Around the corners (n, 3) that were ``drawn`` on the table if there are three, else around where the centres
-    of the boxes (n, 3) were, else half a metre around the origin.
+    Around the corners (n, 3) that were ``drawn`` on the table if there are three, else around where the
+    boxes' centres ``poses`` (n, 3) were, else half a metre around the origin.
     """
     import cv2
 
@@ -192,7 +192,7 @@ def markers_3d(table: pa.Table, scene: Scene) -> Iterator[Chunk]:
 
 
 def shapes_3d(keyframes: pa.Table, objects: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Drawn shapes in space (tables ``keyframes``, ``objects``), ``camera/depth``; each stays until the next."""
+    """Drawn shapes (tables ``keyframes``, ``objects``) in ``camera/depth``; each stays until the next one."""
     import rerun as rr
 
     kinds = kind_of_objects(objects)

@@ -110,7 +110,9 @@ def test_streams_that_drift_apart_by_a_frame_are_found(case: Case) -> None:
     case.change("frames", drift)
     (finding,) = examine(case.patient)
     assert (finding.code, finding.place) == ("clock-drift", "table frames, stream depth")
-    assert finding.message == "against color it moves from +0.006 s to +0.042 s over the recording, 1.1 frames"
+    assert (
+        finding.message == "against color it moves from +0.006 s to +0.042 s over the recording, 1.1 frames"
+    )
 
 
 def test_streams_with_another_number_of_frames_than_declared_are_found(case: Case) -> None:

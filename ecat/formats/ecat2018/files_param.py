@@ -30,6 +30,7 @@ from ecat.formats.ecat2018.face_scanner import FaceScanner, Run
 from ecat.formats.ecat2018.marks import CodeBook, Faces
 from ecat.formats.ecat2018.xml_input import iter_records, open_input
 from ecat.model import AnnotatedObject, Clock, Event, Foreign, KeyFrame, Layer, Relation
+from ecat.model.scheme import ECAT_2018_SCHEME
 
 DECLARATION = '<?xml version="1.0" encoding="utf-8"?>'
 _RECORDS = ("marker", "object", "annotation", "predicate", "file", "files", "objects", "annotations", "predicates")
@@ -401,8 +402,13 @@ class _Reader:
             objects=tuple(self._objects),
             events=tuple(self._events),
             relations=(*self._links, *self._relations),
-            scheme="ecat-2018",
+            # people could add predicates to ECAT's own; which, is not written down with the session
+            scheme=ECAT_2018_SCHEME.name if self._in_scheme() else "",
         )
+
+    def _in_scheme(self) -> bool:
+        known = {predicate.name for predicate in ECAT_2018_SCHEME.predicates}
+        return all(relation.predicate in known for relation in (*self._links, *self._relations))
 
 
 def _highest(ids: Counter[str], letter: str) -> int:

@@ -27,7 +27,7 @@ from ecat.formats.ecat2018.files_param import DECLARATION
 from ecat.formats.ecat2018.lexical import attribute, format_code, format_numbers, missing_corners, parse_code, text
 from ecat.formats.ecat2018.marks import KINECT_TO_CAMERA
 from ecat.formats.ecat2018.xml_input import parse_floats
-from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Relation, Stream
+from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Property, Relation, Stream
 
 def file_name(manifest: Manifest, stream: Stream) -> str:
     """The name of a stream's file in an ECAT session: as imported, or its own name without folders."""
@@ -72,6 +72,7 @@ class _Writer:
         self._read = read
         self._foreign = foreign
         self._findings = findings
+        self._roles = 0
         self._file_names = {stream.name: file_name(manifest, stream) for stream in manifest.streams}
         self._link_relations = [r for r in layer.relations if kept(r.foreign, "link") is not None]
         self._predicates = [r for r in layer.relations if kept(r.foreign, "link") is None]
@@ -162,6 +163,8 @@ class _Writer:
                 continue
             body = self._object_body(thing, faces)
             named = replace(thing, stream=self._file_names.get(thing.stream, thing.stream))
+            if thing.kind == "rig":
+                named = replace(named, properties=(*thing.properties, *self._rig_properties(thing)))
             said = "".join(attribute(n, v) for n, v in object_attributes(named))
             first = next(body, None)
             if first is None:
@@ -170,6 +173,19 @@ class _Writer:
             yield f"    <object{said}>\n{first}"
             yield from body
             yield "    </object>\n"
+
+    def _rig_properties(self, thing: AnnotatedObject) -> list[Property]:
+        """Where a rig's joints are, if the object does not say so itself (it was not imported from ECAT)."""
+        said = {p.name for p in thing.properties}
+        skeletons = [self._file_names[s.name] for s in self._manifest.streams if s.kind == "skeleton"]
+        joints = self._read("joints")
+        if not skeletons or joints is None or "source" in said:
+            return []
+        mine = joints.filter(pc.equal(joints["object_id"], pa.scalar(thing.id)))
+        body = mine["body"][0].as_py() if mine.num_rows else 0
+        scheme = next((n for n in self._file_names.values() if n.lower() == "bodyscheme.xml"), "bodyScheme.xml")
+        values = {"rigIndex": str(body), "source": skeletons[0], "sourceScheme": scheme}
+        return [Property(name, value) for name, value in values.items() if name not in said]
 
     def _object_body(self, thing: AnnotatedObject, faces: _FaceLines) -> Iterator[str]:
         for dimensions, keys in ((2, thing.key_frames), (3, thing.key_frames_3d)):
@@ -236,6 +252,8 @@ class _Writer:
                 self._findings.append(f"event {event.id}: a proposal; left out until it is confirmed")
             else:
                 yield self._annotation(event, children.get(event.id, []))
+        if self._roles:
+            self._findings.append(f"ECAT has no roles: {self._roles} roles of events were left out")
 
     def _annotation(self, event: Event, parts: list[str]) -> str:
         event_id = kept(event.foreign, "id") or event.id
@@ -255,8 +273,7 @@ class _Writer:
             ),
             "link": _list("link", [("linkTo", [("id", target), ("type", kind)]) for target, kind in links]),
         }
-        if event.roles:
-            self._findings.append(f"event {event.id}: ECAT has no roles; {len(event.roles)} left out")
+        self._roles += len(event.roles)
         tags = kept(event.foreign, "children")
         chosen = EVENT_CHILDREN if tags is None else tuple(tag for tag in tags.split(",") if tag in body)
         lines = "".join(body[tag] for tag in chosen)
@@ -279,7 +296,8 @@ class _Writer:
                 self._findings.append(f"relation {relation.predicate}{relation.targets}: left out")
                 continue
             yield _predicate(relation)
-            if relation.end_frame is not None and relation.polarity:
+            # a fact that holds to the end of the recording needs no denial after it
+            if relation.end_frame is not None and relation.polarity and relation.end_frame < self._manifest.n_frames:
                 ended = Relation(
                     predicate=relation.predicate,
                     start_frame=relation.end_frame,

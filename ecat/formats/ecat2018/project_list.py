@@ -37,7 +37,7 @@ def read_project_list(source: Path | bytes) -> ProjectList:
     what = reading(source, "the project list")
     data = read_input(source, what, MAX_BYTES)
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode().lstrip("\ufeff")  # a text editor may have added a BOM
     except UnicodeDecodeError as error:
         raise FormatError(
             what, where=f"byte {error.start}: not UTF-8", fix="save the list as UTF-8"

@@ -1,0 +1,37 @@
+"""``ecat demo``: the whole way of a recording, from an old format to data and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ecat.cli.output import Output
+from ecat.cli.verb import verb
+
+
+@verb("demo", examples=("ecat demo", "ecat demo /tmp/demo"))
+@click.argument(
+    "dest",
+    type=click.Path(path_type=Path),
+    default=Path("demo"),
+    help="The folder to make; demo if not given.",
+)
+def command(out: Output, dest: Path) -> int:
+    """Take a small recording all the way and show what there is to see.
+
+    Imports a project in the format of 2018, says what is in it, runs every stage, checks it, exports the
+    poses of the boxes and a recording for the Rerun viewer, and writes the project back byte for byte.  May
+    be repeated: what an earlier demo made is made anew.
+    """
+    from ecat.cli.tour import tour
+
+    made = tour(dest, out)
+    next_steps = (
+        f"try: rerun {made['recording']}\n"
+        f"     ecat info {made['session']}\n"
+        f"     python -c \"import ecat; print(ecat.open_session('{made['session']}').poses.to_pandas())\"\n"
+        f"     ecat import YOUR_RECORDING my_session"
+    )
+    out.result(made, next_steps, ok=bool(made["identical"]))
+    return 0 if made["identical"] else 1

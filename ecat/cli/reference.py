@@ -1,0 +1,58 @@
+"""``python -m ecat.cli.reference`` prints ``docs/cli.md`` from the help texts."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from ecat.cli.app import VERBS, app
+from ecat.cli.verb import SETTINGS
+
+WIDTH = 100
+INTRODUCTION = """\
+# The command line
+
+Made from the help texts by `python -m ecat.cli.reference`; do not edit.
+
+Every verb prints its result on stdout and everything else on stderr.  With `--json` the result, or the error,
+is one JSON document on stdout with the field `ok`.  An error says what could not be done, where the cause is,
+what happened to the data and what to try:
+
+```
+ecat: cannot import Session1
+  files.param, line 48213, <face> 2 of frame 1204: expected 25 cells in <code>, found 24
+  nothing was written to out/
+  try: ecat import --skip-bad-markers ...
+```
+
+| exit code | meaning |
+|---|---|
+| 0 | done |
+| 1 | bad input, or findings that are errors |
+| 2 | wrong usage |
+| 3 | a bug of ecat: the traceback is on stderr |
+| 130 | interrupted with Ctrl-C |
+| 141 | whoever read the output went away |
+"""
+
+
+def reference() -> str:
+    """The reference of the whole command line as Markdown."""
+    root = click.Context(app, info_name="ecat", terminal_width=WIDTH, **SETTINGS)
+    sections = [INTRODUCTION, _section("ecat", root)]
+    for name in VERBS:
+        command = app.get_command(root, name)
+        assert command is not None
+        context = click.Context(command, info_name=name, parent=root, terminal_width=WIDTH, **SETTINGS)
+        sections.append(_section(f"ecat {name}", context))
+    return "\n".join(sections)
+
+
+def _section(title: str, context: click.Context) -> str:
+    text = "\n".join(line.rstrip() for line in context.get_help().splitlines())
+    return f"## {title}\n\n```\n{text}\n```\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(reference())

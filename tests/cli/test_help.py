@@ -1,0 +1,87 @@
+"""Every verb can be found, understood and copied from its help."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import pytest
+
+from ecat.cli.app import VERBS, app
+from ecat.cli.reference import reference
+from ecat.cli.verb import Verb
+
+if TYPE_CHECKING:
+    from conftest import Ecat
+
+REFERENCE = Path(__file__).parents[2] / "docs" / "cli.md"
+
+
+def verb(name: str) -> Verb:
+    command = app.get_command(click.Context(app), name)
+    assert isinstance(command, Verb)
+    return command
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_says_what_it_does_and_what_its_parameters_mean(name: str) -> None:
+    command = verb(name)
+    assert command.help
+    assert command.get_short_help_str()
+    undocumented = [p.name for p in command.params if not getattr(p, "help", None)]
+    assert undocumented == []
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_has_examples_that_it_accepts(name: str) -> None:
+    command = verb(name)
+    assert command.examples
+    for example in command.examples:
+        program, called, *arguments = shlex.split(example)
+        assert (program, called) == ("ecat", name)
+        command.make_context(name, arguments)  # raises if an option is unknown or an argument is missing
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_prints_json_and_can_be_quiet(name: str) -> None:
+    options = {option for parameter in verb(name).params for option in parameter.opts}
+    assert {"--json", "--quiet"} <= options
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_help_of_a_verb_shows_its_examples(ecat: Ecat, name: str) -> None:
+    result = ecat(name, "--help")
+    assert result.code == 0
+    assert all(example in result.out for example in verb(name).examples)
+
+
+def test_the_verbs_are_listed_in_the_order_of_their_use(ecat: Ecat) -> None:
+    lines = ecat("--help").out.partition("Commands:")[2].splitlines()
+    assert [line.split()[0] for line in lines[1 : 1 + len(VERBS)]] == list(VERBS)
+
+
+def test_without_arguments_the_help_is_shown(ecat: Ecat) -> None:
+    assert ecat() == ecat("--help")
+
+
+def test_the_reference_is_up_to_date() -> None:
+    assert REFERENCE.read_text("utf-8") == reference(), "make docs"
+
+
+def test_every_verb_has_its_section_in_the_reference() -> None:
+    sections = {line[3:] for line in REFERENCE.read_text("utf-8").splitlines() if line.startswith("## ")}
+    assert sections == {"ecat", *(f"ecat {name}" for name in VERBS)}
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = "cv2 lxml numpy pandas pyarrow pydantic rerun rich scipy"
+    program = (
+        "import sys; from ecat.cli import main; main(['--help']); "
+        f"print(*sorted(set({heavy.split()}) & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == ""

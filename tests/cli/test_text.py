@@ -1,0 +1,46 @@
+"""Tables and figures for people."""
+
+from __future__ import annotations
+
+import pytest
+
+from ecat.cli.text import columns, count, duration, listing
+
+
+def test_columns_are_aligned_and_numbers_to_the_right() -> None:
+    rows = [["poses", "5,298", "rows"], ["events", "19", "rows"], ["table", "1"]]
+    assert columns(rows, indent=2) == "  poses   5,298  rows\n  events     19  rows\n  table       1"
+
+
+def test_columns_of_mixed_content_align_left() -> None:
+    assert columns([["a", "12"], ["b", "unknown"]]) == "a  12\nb  unknown"
+
+
+def test_empty_columns_take_no_space() -> None:
+    assert columns([["a", "", "x"], ["b", "", "y"]]) == "a  x\nb  y"
+
+
+def test_no_rows_are_no_text() -> None:
+    assert columns([]) == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.04, "0.040 s"),
+        (59.9994, "59.999 s"),
+        (59.9996, "1 min 00.000 s"),
+        (88.357, "1 min 28.357 s"),
+        (3723.4, "1 h 02 min 03 s"),
+    ],
+)
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_counts() -> None:
+    assert [count(n, "event") for n in (0, 1, 2029)] == ["0 events", "1 event", "2,029 events"]
+
+
+def test_listings_start_with_the_most() -> None:
+    assert listing({"rig": 1, "polygon": 1, "marker_box": 2000}) == "2,000 marker_box, 1 polygon, 1 rig"

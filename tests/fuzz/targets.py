@@ -1,0 +1,170 @@
+"""The readers under test: one line each.
+
+A target takes any bytes. It returns, or raises one `EcatError`; anything else is a finding. Targets whose
+writer has one canonical form also check that what was read is written and read again the same.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from ecat.formats.ecat2018.body_scheme import (
+    KINECT_V2,
+    BodyScheme,
+    Joint,
+    read_body_scheme,
+    write_body_scheme,
+)
+from ecat.formats.ecat2018.coordinate_mapping import (
+    CoordinateMapping,
+    read_coordinate_mapping,
+    write_coordinate_mapping,
+)
+from ecat.formats.ecat2018.depth_file import DepthFile, write_depth_file
+from ecat.formats.ecat2018.glyphs import code_of, read_glyph, write_glyph
+from ecat.formats.ecat2018.learning_export import read_learning_export, write_learning_export
+from ecat.formats.ecat2018.options import (
+    Exclusive,
+    Options,
+    PredicateForm,
+    Unique,
+    read_options,
+    write_options,
+)
+from ecat.formats.ecat2018.program_params import ProgramParams, read_program_params, write_program_params
+from ecat.formats.ecat2018.project_list import read_project_list, write_project_list
+from ecat.formats.ecat2018.rig import read_rig, write_rig
+from ecat.formats.ecat2018.voxml import read_voxml, write_voxml
+from ecat.formats.ecat2018.xml_input import (
+    format_float32,
+    iter_records,
+    iterparse_safe,
+    parse_floats,
+    parse_safe,
+)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader: ``run`` takes any bytes, ``seeds`` are files it reads."""
+
+    run: Callable[[bytes], object]
+    seeds: tuple[bytes, ...]
+
+
+def drain(items: Iterable[object]) -> None:
+    """Read a stream to its end, keeping nothing."""
+    deque(items, maxlen=0)
+
+
+def stable(read: Callable[[bytes], T], write: Callable[[T], bytes]) -> Callable[[bytes], None]:
+    """A reader, and that a written file is read and written again the same."""
+
+    def run(data: bytes) -> None:
+        written = write(read(data))
+        assert write(read(written)) == written, "a written file is not written again the same"
+
+    return run
+
+
+def numbers(data: bytes) -> None:
+    values = parse_floats(data.decode("utf-8", "replace"))
+    assert format_float32(parse_floats(format_float32(values))) == format_float32(values)
+
+
+def xml(data: bytes) -> None:
+    parse_safe(data, what="cannot read it")
+    drain(iterparse_safe(data, tags=("a",), what="cannot read it"))
+    drain(iter_records(data, tags=("a",), what="cannot read it"))
+
+
+def xml_stream(data: bytes) -> None:
+    drain(iterparse_safe(data, tags=("a", "b"), what="cannot read it"))
+
+
+def depth(data: bytes) -> None:
+    with tempfile.NamedTemporaryFile(suffix=".dep") as file:
+        file.write(data)
+        file.flush()
+        with DepthFile(Path(file.name)) as opened:
+            for i in range(min(len(opened), 8)):
+                opened.frame(i)
+
+
+def _depth_seed() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "seed.dep"
+        write_depth_file(path, [(0, np.eye(3, dtype=np.uint16)), (33, np.ones((3, 3), np.uint16))])
+        return path.read_bytes()
+
+
+_FORM = PredicateForm("SUPPORT", (1, 2))
+_OPTIONS = Options(
+    event_predicates=(_FORM,),
+    glyph_prototype_path="a",
+    object_predicates=(_FORM, PredicateForm("SIT", (1,))),
+    constraints=(Unique(_FORM, (2,)), Exclusive((PredicateForm("SIT", (1,)),))),
+)
+_RIG_SCHEME = BodyScheme((Joint("Neck"), Joint("Head")), ((0, 1),))
+_RIG = (
+    '<BodyDataSequence><Body_Data><Subject id="3"/>'
+    '<Timestamp time="2017-10-04T22:35:30.583746Z" timeFromBegin="33" frame="1"/>'
+    '<Skeleton_Joint_Locations_Orig><Pts unit="m">1,2,3,4E-05,5,6</Pts></Skeleton_Joint_Locations_Orig>'
+    '<Skeleton_Depth_Joint_Locations><Pts unit="m">1,2,3,4</Pts></Skeleton_Depth_Joint_Locations>'
+    '<Skeleton_ImgPlane_Joint_Locations><Pts unit="px">1,2,-∞,∞</Pts></Skeleton_ImgPlane_Joint_Locations>'
+    "<Skeleton_Joint_Confidences><Vals>1,0.5</Vals></Skeleton_Joint_Confidences>"
+    "</Body_Data></BodyDataSequence>"
+).encode()
+_VOXML = (
+    b"<VoxML><Lex><Pred>table</Pred><Type>physobj*artifact</Type></Lex><Type><Head>sheet[1]</Head>"
+    b'<Components><Component Value="leg[2]+"/></Components><Concavity>Flat</Concavity><RotatSym>Y</RotatSym>'
+    b'</Type><Habitat><Intrinsic><Intr Name="UP" Value="align(Y,E_y)"/></Intrinsic><Extrinsic/></Habitat>'
+    b'<Afford_Str><Affordances><Affordance Formula="H[3]-&gt;[put(x,on([1]))]on([1],x)"/></Affordances>'
+    b"</Afford_Str><Embodiment>"
+    b"<Scale>agent</Scale><Movable>true</Movable></Embodiment><Other/></VoxML>"
+)
+_EXPORT = (
+    '<project><session name="a"><data><frame no="0">'
+    f'<o type="rig">{",".join(["1.5"] * 39)}</o><o type="glyph">{",".join(["2"] * 12)}</o>'
+    f'<o type="glyph">{",".join(["0"] * 12)}</o></frame></data><events>'
+    '<event start="0" end="20">Subject,None,Theme,pulls,From</event></events></session>'
+    '<session name="b"/></project>'
+).encode()
+_MAPPING = CoordinateMapping(np.ones((2, 3, 2), np.float32), np.full((2, 3, 2), 2, np.float32))
+
+TARGETS: dict[str, Target] = {
+    "body_scheme": Target(
+        stable(read_body_scheme, write_body_scheme),
+        (write_body_scheme(KINECT_V2), write_body_scheme(_RIG_SCHEME)),
+    ),
+    "coordinate_mapping": Target(
+        stable(read_coordinate_mapping, write_coordinate_mapping), (write_coordinate_mapping(_MAPPING),)
+    ),
+    "depth_file": Target(depth, (_depth_seed(), _depth_seed()[:-9])),
+    "glyphs": Target(stable(read_glyph, write_glyph), (write_glyph(code_of(5)),)),
+    "learning_export": Target(
+        lambda data: drain(write_learning_export(read_learning_export(data))), (_EXPORT,)
+    ),
+    "numbers": Target(numbers, ("-∞,1.5,-3.652977E-05,NaN".encode(), b"859,654")),
+    "options": Target(stable(read_options, write_options), (write_options(_OPTIONS),)),
+    "program_params": Target(
+        stable(read_program_params, write_program_params), (write_program_params(ProgramParams("a", ("b",))),)
+    ),
+    "project_list": Target(stable(read_project_list, write_project_list), (b"Session1\r\nSession2\r\n",)),
+    "rig": Target(
+        lambda data: drain(write_rig(read_rig(data, _RIG_SCHEME).joints, _RIG_SCHEME)), (_RIG, _RIG[:-60])
+    ),
+    "voxml": Target(stable(read_voxml, write_voxml), (_VOXML,)),
+    "xml": Target(xml, (b'<?xml version="1.0" encoding="utf-8"?><r b="1"><a>x<!--c--></a><a/>&lt;</r>',)),
+    "xml_stream": Target(xml_stream, (b"<r><a><b/><c/></a><![CDATA[x]]><b>&#65;</b></r>",)),
+}
+"""Name -> reader; a new reader is one line here."""

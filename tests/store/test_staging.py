@@ -1,0 +1,112 @@
+"""A new folder appears complete and durable, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+from pathlib import Path
+
+import pytest
+
+from ecat.errors import DiskError, ExistsError, LockedError, ReadOnlyError
+from ecat.store import create_session, leftovers, remove_leftovers, staged_folder
+from tests.store.conftest import Steps
+from tests.store.sessions import draft, make, number_at
+
+
+def test_the_folder_is_not_there_before_the_block_ends(tmp_path: Path) -> None:
+    dest = tmp_path / "new"
+    with staged_folder(dest) as staging:
+        (staging / "file").write_text("content")
+        assert not dest.exists()
+    assert (dest / "file").read_text() == "content"
+    assert [path.name for path in tmp_path.rglob("*")] == ["new", "file"]
+
+
+def test_an_exception_leaves_nothing_not_even_parents(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), staged_folder(tmp_path / "a" / "b" / "new") as staging:
+        (staging / "file").write_text("content")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_parents_are_made(tmp_path: Path) -> None:
+    make(tmp_path / "a" / "b" / "session")
+    assert number_at(tmp_path / "a" / "b" / "session") == 0
+
+
+def test_an_empty_folder_is_taken_over(tmp_path: Path) -> None:
+    (tmp_path / "session").mkdir()
+    make(tmp_path / "session", 1)
+    assert number_at(tmp_path / "session") == 1
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "appears"])
+def test_what_is_there_is_never_replaced(tmp_path: Path, kind: str) -> None:
+    dest = tmp_path / "dest"
+    if kind == "file":
+        dest.write_text("precious")
+    elif kind == "folder":
+        dest.mkdir()
+        (dest / "precious").write_text("")
+    with pytest.raises(ExistsError, match="it was left as it is"), staged_folder(dest):
+        # somebody else was faster
+        dest.mkdir()
+        (dest / "precious").write_text("")
+    assert dest.is_file() or (dest / "precious").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["dest"]
+
+
+def test_a_folder_that_is_being_filled_is_no_leftover_to_remove(tmp_path: Path) -> None:
+    with staged_folder(tmp_path / "new") as staging:
+        assert leftovers(tmp_path) == [staging]
+        assert remove_leftovers(tmp_path) == []
+    assert (tmp_path / "new").is_dir()
+    abandoned = tmp_path / ".new.0123456789abcdef.partial"
+    abandoned.mkdir()
+    (tmp_path / ".gitignore").write_text("")
+    assert leftovers(tmp_path / "new") == [abandoned]
+    assert remove_leftovers(tmp_path / "new") == [abandoned]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".gitignore", "new"]
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"), [(errno.ENOSPC, DiskError), (errno.EIO, DiskError), (errno.EACCES, ReadOnlyError)]
+)
+def test_an_error_at_any_step_leaves_nothing(
+    tmp_path: Path, steps: Steps, number: int, kind: type[Exception]
+) -> None:
+    dest = tmp_path / "session"
+    for step in itertools.count():
+        steps.count, steps.fail_at = 0, step
+        steps.error = OSError(number, os.strerror(number), str(dest))
+        try:
+            create_session(dest, draft())
+        except kind as error:
+            if not dest.exists():
+                assert "nothing was" in str(error)
+                assert list(tmp_path.iterdir()) == []
+                continue
+            # the last steps make sure that it will be there after a power failure too
+            assert "is there, but may not survive" in str(error)
+            assert number_at(dest) == 0
+            for path in sorted(dest.rglob("*"), reverse=True):
+                path.unlink() if path.is_file() else path.rmdir()
+            dest.rmdir()
+        else:
+            break
+    assert step > 30
+    assert number_at(dest) == 0
+
+
+def test_a_session_is_locked_while_it_is_being_created(tmp_path: Path) -> None:
+    with staged_folder(tmp_path / "new") as staging, pytest.raises(LockedError), staged_lock(staging):
+        pytest.fail("two writers at once")
+
+
+def staged_lock(staging: Path):  # noqa: ANN201 - a context manager, whatever its type
+    """The lock of the folder."""
+    from ecat.store.lock import locked
+
+    return locked(staging)
