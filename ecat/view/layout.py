@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,14 @@ PATH_S = 2.0
 """How long the path behind a box stays."""
 
 
+@dataclass(frozen=True)
+class Overview:
+    """The table's edge (n, 2) and where the depth camera stands (3,), both in the world, metres."""
+
+    table: Floats
+    camera_at: Floats
+
+
 def layout(
     paths: Sequence[str],
     scene: Scene,
@@ -42,12 +51,11 @@ def layout(
     paths : entity paths of everything sent.
     scene : whose clock decides the timeline.
     image_size : width and height of the colour image in pixels, None where unknown.
-    table : (n, 2) the table's edge, world, metres; None where it is not known.
-    camera_at : (3,) where the depth camera stands, world, metres: the scene is first seen from its side.
+    overview : what to look at first in space; None lets Rerun choose.
     """
     import rerun.blueprint as rrb
 
-    top = [view for view in (_image(paths, image_size), _space(paths, table, camera_at)) if view]
+    top = [view for view in (_image(paths, image_size), _space(paths, overview)) if view]
     bottom = {
         name: view
         for name, view in (("lanes", _lanes(paths, scene.timebase)), ("curves", _curves(paths)))
@@ -90,7 +98,7 @@ def _image(paths: Sequence[str], size: tuple[int, int] | None) -> rrb.View | Non
     )
 
 
-def _space(paths: Sequence[str], table: Floats | None, camera_at: Floats) -> rrb.View | None:
+def _space(paths: Sequence[str], overview: Overview | None) -> rrb.View | None:
     import rerun.blueprint as rrb
 
     if not _any(
@@ -110,18 +118,18 @@ def _space(paths: Sequence[str], table: Floats | None, camera_at: Floats) -> rrb
         contents=["$origin/**", f"- {IMAGE}/**", f"+ {IMAGE}", f"+ {IMAGE}/image"],
         background=_DARK,
         line_grid=rrb.LineGrid3D(spacing=0.1, stroke_width=0.6, color=(120, 130, 145, 70)),
-        eye_controls=_eye(table, camera_at) if table is not None else None,
+        eye_controls=_eye(overview) if overview is not None else None,
         overrides=overrides,
     )
 
 
-def _eye(table: Floats, camera_at: Floats) -> rrb.EyeControls3D:
+def _eye(overview: Overview) -> rrb.EyeControls3D:
     """Where the scene is first seen from: to one side of the camera, with it and the whole table in sight."""
     import rerun.blueprint as rrb
 
-    low, high = table.min(0), table.max(0)
+    low, high = overview.table.min(0), overview.table.max(0)
     target = np.append((low + high) / 2, 0.05)
-    side = matrix_about_z(np.array(np.radians(35.0))) @ np.append((camera_at - target)[:2], 0.0)
+    side = matrix_about_z(np.array(np.radians(35.0))) @ np.append((overview.camera_at - target)[:2], 0.0)
     side = side / max(float(np.linalg.norm(side)), 1e-6)
     reach = 0.95 * float(np.linalg.norm(high - low)) + 0.2
     return rrb.EyeControls3D(

@@ -17,7 +17,7 @@ from ecat.store import Session, staged_file
 from ecat.view.about import about
 from ecat.view.image import border, markers_2d, shapes_2d
 from ecat.view.lanes import event_log, events, relations, supports
-from ecat.view.layout import layout
+from ecat.view.layout import Overview, layout
 from ecat.view.media import media
 from ecat.view.plots import quality
 from ecat.view.scene import Scene, integers, numbers, scene, static
@@ -119,7 +119,6 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
     """Everything of a session but its images, from the tables that are there."""
     import rerun as rr
 
-    objects, keyframes = tables.get("objects"), tables.get("keyframes")
     yield from world(tables.get("table_plane"), shown.timebase)
     yield from cameras(manifest)
     size = _image_size(manifest)
@@ -127,9 +126,8 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
         yield border(*size)
     if "table_plane" in tables:
         yield from table_surface(_table_edge(tables))
-    if objects is not None and keyframes is not None:
-        yield from shapes_2d(keyframes, objects, shown)
-        yield from shapes_3d(keyframes, objects, shown)
+    yield from shapes_2d(tables["keyframes"], tables["objects"], shown)
+    yield from shapes_3d(tables["keyframes"], tables["objects"], shown)
     for name, send in (("markers_2d", markers_2d), ("markers_3d", markers_3d), ("joints", skeletons)):
         if name in tables:
             yield from send(tables[name], shown)
@@ -139,26 +137,23 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
         yield from supports(best, shown)
     if "poses" in tables:
         yield from quality(tables["poses"], shown)
-    if "events" in tables:
-        yield from events(tables, shown)
-        yield from event_log(tables["events"], shown)
-    if "relations" in tables:
-        yield from relations(tables["relations"], shown)
+    yield from events(tables, shown)
+    yield from event_log(tables["events"], shown)
+    yield from relations(tables["relations"], shown)
     yield static("/about", rr.TextDocument(about(manifest, tables, shown), media_type=rr.MediaType.MARKDOWN))
 
 
 def _blueprint(
     manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene, chunks: list[Chunk]
 ) -> Blueprint:
-    plane = tables.get("table_plane")
-    known = plane is not None and plane.num_rows > 0
-    camera_at = (first_table_from_camera(plane) if known else UPRIGHT).translation
     paths = sorted({chunk.entity_path for chunk in chunks if chunk.num_rows})
     images = {"color": "/world/camera/color/image", "depth": "/world/camera/depth"}
     paths += [images[s.kind] for s in manifest.streams if s.present and s.kind in images]
-    return layout(
-        paths, shown, image_size=_image_size(manifest), table=_table_edge(tables), camera_at=pose.translation
-    )
+    overview = None
+    if "table_plane" in tables:
+        camera_at = first_table_from_camera(tables["table_plane"]).translation
+        overview = Overview(_table_edge(tables), camera_at)
+    return layout(paths, shown, image_size=_image_size(manifest), overview=overview)
 
 
 def _image_size(manifest: Manifest) -> tuple[int, int] | None:
@@ -168,12 +163,11 @@ def _image_size(manifest: Manifest) -> tuple[int, int] | None:
 
 def _table_edge(tables: Mapping[str, pa.Table]) -> Floats:
     """The table's edge (n, 2) in the ``table`` frame: as it was drawn first, else around the boxes."""
-    plane, keyframes = tables.get("table_plane"), tables.get("keyframes")
     drawn = np.zeros((0, 3))
-    if plane is not None and plane.num_rows and keyframes is not None:
-        solid = keyframes.filter(pa.array(integers(keyframes, "dimensions") == 3))
-        if solid.num_rows:
-            first = solid.filter(pa.array(integers(solid, "frame") == integers(solid, "frame").min()))
-            drawn = first_table_from_camera(plane).apply(numbers(first, "x y z"))
+    keyframes = tables["keyframes"]
+    solid = keyframes.filter(pa.array(integers(keyframes, "dimensions") == 3))
+    if solid.num_rows:
+        first = solid.filter(pa.array(integers(solid, "frame") == integers(solid, "frame").min()))
+        drawn = first_table_from_camera(tables["table_plane"]).apply(numbers(first, "x y z"))
     poses = numbers(tables["poses"], "x y z") if "poses" in tables else np.zeros((0, 3))
     return table_outline(drawn, poses)
