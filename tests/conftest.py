@@ -36,12 +36,12 @@ class Golden:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         assert path.is_file(), f"no golden file {name}: look at what is written, then `make golden`"
-        assert text == path.read_text(encoding="utf-8"), f"tests/golden/{name}: if the change is meant, `make golden`"
+        assert text == path.read_text(encoding="utf-8"), (
+            f"tests/golden/{name}: if the change is meant, `make golden`"
+        )
 
 
 @pytest.fixture(scope="session")
 def golden(pytestconfig: pytest.Config) -> Golden:
     """The expected outputs."""
-    return Golden(
-        Path(__file__).parent / "golden", update=bool(pytestconfig.getoption("--update-golden"))
-    )
+    return Golden(Path(__file__).parent / "golden", update=bool(pytestconfig.getoption("--update-golden")))

@@ -37,7 +37,10 @@ def rounded(text: str, digits: int) -> str:
 def table_text(table: pa.Table, digits: int = 4) -> str:
     """A table's shape; each column's type, number of nulls and range or number of values; its first and last rows."""
     lines = [f"{table.num_rows} rows"]
-    lines += [f"{f.name}: {f.type}, {table[f.name].null_count} null{spread(table[f.name], digits)}" for f in table.schema]
+    lines += [
+        f"{f.name}: {f.type}, {table[f.name].null_count} null{spread(table[f.name], digits)}"
+        for f in table.schema
+    ]
     rows = table.slice(0, HEAD).to_pylist() + table.slice(max(HEAD, table.num_rows - HEAD)).to_pylist()
     lines += [" | ".join(cell(value, digits) for value in row.values()) for row in rows]
     return "\n".join(lines) + "\n"
@@ -50,7 +53,9 @@ def spread(column: pa.ChunkedArray, digits: int) -> str:
         return ""
     if isinstance(values[0], str):
         return f", {len(set(values))} different"
-    return "".join(f", {cell(of, digits)}" for of in (min(values), sorted(values)[len(values) // 2], max(values)))
+    return "".join(
+        f", {cell(of, digits)}" for of in (min(values), sorted(values)[len(values) // 2], max(values))
+    )
 
 
 def cell(value: object, digits: int) -> str:
@@ -122,7 +127,9 @@ def test_the_shipped_ecat_project_exports_to_the_same_bytes(tmp_path: Path) -> N
     export(tmp_path / "project", tmp_path / "back", format="ecat-2018")
     for path in sorted((FOLDER / "ecat_project").rglob("*")):
         if path.is_file():
-            assert (tmp_path / "back" / path.relative_to(FOLDER / "ecat_project")).read_bytes() == path.read_bytes()
+            assert (
+                tmp_path / "back" / path.relative_to(FOLDER / "ecat_project")
+            ).read_bytes() == path.read_bytes()
 
 
 def test_the_stages_place_the_sample_as_ever(tmp_path: Path, golden: Golden) -> None:

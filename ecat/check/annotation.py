@@ -10,6 +10,9 @@ from ecat.model import CodingScheme, Event, Layer, Relation
 
 FIRST_FRAME = -1
 """Position before the first image, legal in imported annotations (see :mod:`ecat.model.annotation`)."""
+OPEN_SCHEMES = frozenset({"ecat-2018"})
+"""Coding schemes that may lack predicates: ECAT users kept theirs in a file outside of the recording
+(ECAT 2018 file format §1.10)."""
 
 
 def _spans(layer: Layer) -> Iterator[tuple[str, int, int | None, int | None, int | None]]:
@@ -134,7 +137,7 @@ def _event_problems(event: Event, scheme: CodingScheme) -> Iterator[str]:
 
 def _relation_problems(relation: Relation, scheme: CodingScheme) -> Iterator[str]:
     arities = {p.arity for p in scheme.predicates if p.name == relation.predicate}
-    if scheme.predicates and not arities:
+    if scheme.predicates and not arities and scheme.name not in OPEN_SCHEMES:
         yield f"predicate {relation.predicate} is not in the coding scheme {scheme.name}"
     elif arities and len(relation.targets) not in arities:
         expected = " or ".join(map(str, sorted(arities)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 from ecat.check.finding import Finding, error, warning
 from ecat.errors import EcatError, SchemaError
@@ -19,10 +20,12 @@ ADOPT = "take the edit over and publish its tables anew"
 REMOVE = "remove it"
 
 
-def left_over(session: Session) -> Iterator[Finding]:
-    """Files that an interrupted write left behind."""
-    for path in leftovers(session.path):
-        yield warning("leftover", path.name, "left behind by a write that was interrupted", REMOVE)
+def left_over(folder: Path, seen: set[Path]) -> Iterator[Finding]:
+    """What an interrupted write or import left in a folder and beside it, save for what was ``seen``."""
+    for path in leftovers(folder):
+        if (place := path.resolve()) not in seen:
+            seen.add(place)
+            yield warning("leftover", path.name, "left behind by a write that was interrupted", REMOVE)
 
 
 def read_layers(session: Session) -> tuple[dict[str, Layer], list[Finding]]:

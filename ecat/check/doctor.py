@@ -23,11 +23,11 @@ from ecat.store import (
     Session,
     adopt_edited_layers,
     find_sessions,
-    leftovers,
+    open_project,
     open_session,
     remove_leftovers,
 )
-from ecat.store.manifest import is_plain_name
+from ecat.store.manifest import PROJECT_FILE, SESSION_FILE, is_plain_name
 from ecat.store.transaction import COMMIT_FILE
 
 CHECKS: tuple[Check, ...] = (*SCHEMA, *CLOCK, *MARKS, *REFERENCES, *ANNOTATION)
@@ -55,36 +55,52 @@ def check(path: Path, *, deep: bool = False, progress: Progress = silent) -> lis
     """
     sessions = find_sessions(path)
     siblings: Siblings = {}
-    findings = [] if sessions == [path] else list(_unfinished(path))
+    seen: set[Path] = set()
+    findings: list[Finding] = []
+    for folder in sorted({path} | {p for s in sessions for p in s.parents if p.is_relative_to(path)}):
+        if folder not in sessions:
+            findings += _named(_check_project(folder, seen), folder, path)
     for i, session in enumerate(sessions):
         progress("checking", i, len(sessions))
-        folder = session.relative_to(path).as_posix()
-        findings += [replace(f, session=folder) for f in _check_session(session, siblings, deep=deep)]
+        findings += _named(_check_session(session, siblings, seen, deep=deep), session, path)
     progress("checking", len(sessions), len(sessions))
     return findings
 
 
-def _unfinished(path: Path) -> Iterator[Finding]:
-    """Sessions in a project that were never finished."""
-    for leftover in leftovers(path):
-        message = "a session that was not finished, left behind by an import that was interrupted"
-        yield replace(error("leftover", leftover.name, message, disk.REMOVE), severity="warning")
+def _named(findings: Iterator[Finding], folder: Path, root: Path) -> list[Finding]:
+    name = folder.relative_to(root).as_posix()
+    return [replace(finding, session=name) for finding in findings]
 
 
-def _check_session(path: Path, siblings: Siblings, *, deep: bool) -> Iterator[Finding]:
+def _check_project(path: Path, seen: set[Path]) -> Iterator[Finding]:
+    yield from disk.left_over(path, seen)
+    if (path / PROJECT_FILE).exists():
+        try:
+            open_project(path)
+        except EcatError as reason:
+            yield from _unreadable("project-unreadable", path / PROJECT_FILE, reason)
+
+
+def _unreadable(code: str, file: Path, reason: EcatError) -> Iterator[Finding]:
+    """A finding for every problem of a manifest."""
+    problems = reason.problems if isinstance(reason, SchemaError) else ()
+    for problem in problems or (reason.where or reason.what,):
+        message = problem.removeprefix(f"{file}: ").removeprefix(f"{file.parent}: ")
+        yield error(code, file.name, message)
+
+
+def _check_session(path: Path, siblings: Siblings, seen: set[Path], *, deep: bool) -> Iterator[Finding]:
     interrupted = (path / COMMIT_FILE).exists()
     try:
         session = open_session(path)
     except EcatError as reason:
-        problems = reason.problems if isinstance(reason, SchemaError) else ()
-        for problem in problems or (reason.where.removeprefix(f"{path}: ") or reason.what,):
-            yield error("session-unreadable", "session.json", problem)
+        yield from _unreadable("session-unreadable", path / SESSION_FILE, reason)
         return
     if interrupted:
         yield note(
             "interrupted-commit", COMMIT_FILE, "a write was interrupted; it has been finished by opening"
         )
-    yield from disk.left_over(session)
+    yield from disk.left_over(path, seen)
     layers, found = disk.read_layers(session)
     found += disk.stale_tables(session)
     found += disk.damaged_files(session, found, deep=deep)

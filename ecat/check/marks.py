@@ -24,6 +24,12 @@ ASSUMED_PERIOD_S = 1 / 30
 JUMP_SIDES = 4.0
 """Distance that a marker's centre moves on screen from one frame to the next, in sides of that marker: with 9
 cm markers at 30 frames per second 4 sides are 11 m/s, more than a throw."""
+LEAST_REPEAT = 3
+"""Frames in a stretch that repeats an earlier one: two may be chance where corners are whole pixels."""
+REPEAT_LAGS = range(2, 31)
+"""Frames between a stretch and its repetition, up to a second; real recorders repeat 3 to 8."""
+MOVES_PX = 2.0
+"""A marker moves when it does so by more than the jitter of its corners, a pixel."""
 MOST_SPEED_M_S = 5.0
 """Speed of a box between consecutive frames: hands that handle objects stay below 3 m/s; the rest is
 noise."""
@@ -147,27 +153,68 @@ def _sightings(box: pd.DataFrame, n_frames: int) -> tuple[NDArray[Any], int]:
     return seen, int((until - frames)[~present].sum())
 
 
-def mark_jumps(patient: Patient) -> Iterator[Finding]:
-    """A marker on screen moves less than a few of its own sides from one frame to the next."""
+def _moving_faces(patient: Patient) -> pd.DataFrame | None:
+    """The faces on screen with ``side`` and ``moved`` (pixels since the frame before; NaN if not seen)."""
     data = _faces(patient, "markers_2d", _CORNERS_2D)
     if data is None:
-        return
+        return None
     corners = data[_CORNERS_2D].to_numpy(dtype=float).reshape(-1, 4, 2)
     sides = np.linalg.norm(np.diff(corners, axis=1, append=corners[:, :1]), axis=2).mean(axis=1)
     u, v = corners.mean(axis=1).T
-    data = data[["frame", "object_id", "code"]].assign(u=u, v=v, side=sides)
+    data = data.assign(u=u, v=v, side=sides, code=data["code"].astype(str))
     # a code seen twice in a frame is ambiguous, not a jump
     data = data.drop_duplicates(["frame", "object_id", "code"], keep=False)
-    for name, box in data.sort_values(["code", "frame"]).groupby("object_id"):
-        before = box.shift()
-        follows = (box["frame"] == before["frame"] + 1) & (
-            box["code"].astype(str) == before["code"].astype(str)
+    data = data.sort_values(["object_id", "code", "frame"])
+    before = data.shift()
+    same = (data["object_id"] == before["object_id"]) & (data["code"] == before["code"])
+    moved = np.hypot(data["u"] - before["u"], data["v"] - before["v"])
+    return data.assign(moved=np.where(same & (data["frame"] == before["frame"] + 1), moved, np.nan))
+
+
+def mark_jumps(patient: Patient) -> Iterator[Finding]:
+    """A marker on screen moves less than a few of its own sides from one frame to the next."""
+    data = _moving_faces(patient)
+    if data is None:
+        return
+    far = data[data["moved"] > JUMP_SIDES * data["side"]]
+    for name, box in far.groupby("object_id"):
+        frames = np.unique(box["frame"].to_numpy())
+        message = f"a marker jumps by more than {JUMP_SIDES:g} of its sides into frame {some(frames)}"
+        yield warning("mark-jump", f"table markers_2d, box {name}", message)
+
+
+def repeated_frames(patient: Patient) -> Iterator[Finding]:
+    """While things move, no stretch of frames equals the one before: some recorders write a buffer twice."""
+    data = _moving_faces(patient)
+    if data is None:
+        return
+    n = int(data["frame"].max()) + 1
+    rows = pd.util.hash_pandas_object(data[["object_id", "code", *_CORNERS_2D]], index=False).to_numpy()
+    seen, moves = np.zeros(n, dtype=np.uint64), np.zeros(n, dtype=bool)
+    np.add.at(seen, data["frame"].to_numpy(), rows)
+    moves[data["frame"][data["moved"] > MOVES_PX].to_numpy()] = True
+    starts: list[int] = []
+    total = end = 0
+    for start, length in sorted(run for lag in REPEAT_LAGS for run in _repeats(seen, moves, lag)):
+        if start >= end and length >= LEAST_REPEAT:
+            starts.append(start)
+            end = start + length
+            total += length
+    if starts:
+        where = some([str(start) for start in starts])
+        message = (
+            f"{total:,} frames repeat earlier ones exactly while things move: stretches from frame {where}"
         )
-        moved = np.hypot(box["u"] - before["u"], box["v"] - before["v"])
-        jumps = np.unique(box["frame"][follows & (moved > JUMP_SIDES * before["side"])].to_numpy())
-        if len(jumps):
-            message = f"a marker jumps by more than {JUMP_SIDES:g} of its sides into frame {some(jumps)}"
-            yield warning("mark-jump", f"table markers_2d, box {name}", message)
+        yield warning("frame-repeat", "table markers_2d", message)
+
+
+def _repeats(seen: NDArray[np.uint64], moves: NDArray[np.bool_], lag: int) -> list[tuple[int, int]]:
+    """First frame and length of every stretch in which things move as they did ``lag`` frames before."""
+    same = np.zeros(len(seen), dtype=bool)
+    same[lag:] = (seen[lag:] == seen[:-lag]) & (seen[lag:] != 0)
+    goes_on = np.concatenate([[False], same[1:] & same[:-1] & moves[1:], [False]])
+    edges = np.flatnonzero(np.diff(goes_on)).reshape(-1, 2)
+    return [(int(first), int(last - first) + 1) for first, last in edges]
 
 
 def pose_jumps(patient: Patient) -> Iterator[Finding]:
@@ -197,5 +244,6 @@ MARKS = (
     marks_without_depth,
     marker_loss,
     mark_jumps,
+    repeated_frames,
     pose_jumps,
 )

@@ -9,13 +9,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
 
 import click
 
 from ecat.cli.output import BROKEN_PIPE, print_bug, print_error
 from ecat.cli.verb import SETTINGS, write_examples
 from ecat.errors import EcatError, MissingExtraError, UsageError, os_error
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 INTERRUPTED = 130
 BUG = 3
@@ -66,6 +69,8 @@ class Verbs(click.Group):
 
 
 def _plugins() -> dict[str, EntryPoint]:
+    from importlib.metadata import entry_points
+
     return {point.name: point for point in entry_points(group="ecat.cli")}
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     examples=(
         "ecat process my_session",
         "ecat process my_project --smooth",
-        "ecat process my_session --stage table_plane --stage poses --force",
+        "ecat process my_session --stage plane --stage pose --force",
         "ecat process my_session --prototypes boxes.json",
     ),
 )

@@ -1,0 +1,1 @@
+"""Cameras, rigid transforms, planes and boxes: plain NumPy, right-handed, metres and radians."""

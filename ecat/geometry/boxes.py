@@ -1,8 +1,8 @@
 """Boxes with square markers: recognising the faces, their corners, and the pose of one square.
 
-A detector reports a marker's corners clockwise on the screen and its cells row by row, cell (0, 0) belonging to
-the leftmost corner (ECAT 2018 file format §0.4).  Everything here is turned into the marker's own order: top
-left, top right, bottom right, bottom left of the print, seen by a person in front of it.
+A detector reports a marker's corners clockwise on the screen and its cells row by row, cell (0, 0) belonging
+to the leftmost corner (ECAT 2018 file format §0.4).  Everything here is turned into the marker's own order:
+top left, top right, bottom right, bottom left of the print, seen by a person in front of it.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ def box_corners(prototype: BoxPrototype) -> Floats:
 
 
 def identify(code: str, printed: str, *, mirrored: bool) -> int | None:
-    """Quarter turns by which a code as read is rotated against the printed pattern, or None if it is another one.
+    """Quarter turns by which a code as read is rotated against the printed pattern, or None if it is another
+    one.
 
-    The answer k says that the print's corner j is the read corner ``(leftmost, clockwise ...)[order[j]]`` with
-    ``order = corner_order(k, mirrored)``.
+    The answer k says that the print's corner j is the read corner ``(leftmost, clockwise ...)[order[j]]``
+    with ``order = corner_order(k, mirrored)``.
     """
     n = math.isqrt(len(printed))
     if len(code) != n * n:
@@ -56,6 +57,17 @@ def from_leftmost(pixels: Floats) -> NDArray[np.intp]:
     # lexicographic in one number: detections are pixels, far below 1e6
     first = np.argmin(pixels[..., 0] * 1e6 + pixels[..., 1], axis=-1)
     return (first[:, None] + np.arange(4)) % 4
+
+
+def plausible(rings: Floats) -> NDArray[np.bool_]:
+    """Which rings of pixels (n, 4, 2) a square could look like: convex, no corner nearly straight or pointed."""
+    side = np.roll(rings, -1, 1) - rings
+    last = np.roll(side, 1, 1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        length = np.linalg.norm(side, axis=-1)
+        bend = (last[..., 0] * side[..., 1] - last[..., 1] * side[..., 0]) / (length * np.roll(length, 1, 1))
+    convex = (bend > 0.02).all(1) | (bend < -0.02).all(1)
+    return np.asarray(convex & (length > 1).all(1) & (np.abs(rings) < 1e5).all((1, 2)), np.bool_)
 
 
 def pair_corners(pixels: Floats, points: Floats, camera: Camera) -> NDArray[np.intp]:
@@ -88,11 +100,13 @@ def _homography(flat: Floats, seen: Floats) -> Floats:
     top = np.stack([x, y, one, zero, zero, zero, -u * x, -u * y], -1)
     low = np.stack([zero, zero, zero, x, y, one, -v * x, -v * y], -1)
     h = np.linalg.solve(np.concatenate([top, low], 1), np.concatenate([u, v], 1)[..., None])[..., 0]
-    return np.concatenate([h, np.ones_like(h[:, :1])], 1).reshape(-1, 3, 3)
+    whole = np.asarray(np.concatenate([h, np.ones_like(h[:, :1])], 1), np.float64)
+    return whole.reshape(-1, 3, 3)
 
 
 def square_poses(pixels: Floats, sides: Floats, camera: Camera) -> tuple[Rigid, Rigid]:
-    """Both poses reference-from-marker of square markers: the two that explain the corners' affine part alike.
+    """Both poses reference-from-marker of square markers: the two that explain the corners' affine part
+    alike.
 
     Infinitesimal plane-based pose estimation (Collins and Bartoli, IJCV 2014).
 
@@ -111,7 +125,7 @@ def square_poses(pixels: Floats, sides: Floats, camera: Camera) -> tuple[Rigid, 
     length = np.linalg.norm(ray, axis=-1)
     axis = ray / length[:, None]
     view = _rotation_from_z(axis)
-    to_plane = np.stack([np.eye(2)[None, 0] * 1.0 + 0 * p[:, None], np.eye(2)[None, 1] + 0 * p[:, None]], 1)
+    to_plane = np.broadcast_to(np.eye(2), (len(p), 2, 2))
     b = (np.concatenate([to_plane, -ray[:, :2, None]], -1) @ view)[:, :, :2]
     a = np.linalg.solve(b, jacobian)
     gram = a @ np.swapaxes(a, 1, 2)
@@ -141,7 +155,9 @@ def _rotation_from_z(axis: Floats) -> Floats:
 
 
 def _translation(turn: Floats, flat: Floats, rays: Floats) -> Floats:
-    """Least-squares translations (n, 3) given rotations, plane points (n, 4, 2) and normalised image points."""
+    """Least-squares translations (n, 3) given rotations, plane points (n, 4, 2) and normalised image
+    points.
+    """
     moved = np.einsum("nij,nkj->nki", turn[:, :, :2], flat)
     n = len(turn)
     rows = np.zeros((n, 4, 2, 3))
@@ -156,7 +172,9 @@ def _translation(turn: Floats, flat: Floats, rays: Floats) -> Floats:
 def match_codes(
     codes: Sequence[str], prototypes: Sequence[BoxPrototype], *, mirrored: bool
 ) -> dict[str, tuple[int, int, int]]:
-    """For each code that some prototype carries: (prototype index, face index, quarter turns); the first match."""
+    """For each code that some prototype carries: (prototype index, face index, quarter turns); the first
+    match.
+    """
     found: dict[str, tuple[int, int, int]] = {}
     for code in dict.fromkeys(codes):
         for p, prototype in enumerate(prototypes):

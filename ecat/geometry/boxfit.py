@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecat.geometry.cameras import Camera
-from ecat.geometry.transforms import Floats, Rigid, matrix_about_z, matrix_from_rotvec, skew
+from ecat.geometry.transforms import Floats, Rigid, known, matrix_about_z, matrix_from_rotvec, skew
 
 RESTING: tuple[int, ...] = (0, 1, 5)  # of x, y, z, and turns about the table's x, y, z
 FREE: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
@@ -26,14 +26,15 @@ Rows: TypeAlias = NDArray[np.integer] | NDArray[np.bool_] | slice
 class Noise:
     """What an error of a corner looks like: standard deviations per coordinate, and where the loss gives up.
 
-    A detector that takes the outermost pixel of a blob for a corner (ECAT 2018 file format §2.1) knows the place
-    of a blunt or a pointed corner badly *across* its bisector: there the spread is
+    A detector that takes the outermost pixel of a blob for a corner (ECAT 2018 file format §2.1) knows the
+    place of a blunt or a pointed corner badly *across* its bisector: there the spread is
     ``sigma_px * (1 + skid * ((angle - 85 deg) / 40 deg)**2)``, along the bisector it is ``sigma_px``.
-    The loss is Cauchy's: a corner ``cauchy`` standard deviations off counts half.
+    ``sigma_point_m`` is how well depth repeats itself; its steady error is larger.  The loss is Cauchy's: a corner
+    ``cauchy`` standard deviations off counts half.
     """
 
     sigma_px: float = 0.4
-    sigma_point_m: float = 0.004
+    sigma_point_m: float = 0.003
     skid: float = 1.2
     cauchy: float = 3.0
 
@@ -91,17 +92,6 @@ class Fit:
     weights: Floats
     errors_px: Floats
 
-    def where(self, choose: NDArray[np.bool_], other: Fit) -> Fit:
-        """This fit in the chosen frames (n,), the other one elsewhere."""
-        pose = _pick_pose(choose, self.pose, other.pose)
-        return Fit(
-            pose,
-            _pick(choose, self.cost, other.cost),
-            _pick(choose, self.covariance, other.covariance),
-            _pick(choose, self.weights, other.weights),
-            _pick(choose, self.errors_px, other.errors_px),
-        )
-
     def __getitem__(self, rows: Rows) -> Fit:
         pose = Rigid(self.pose.rotation[rows], self.pose.translation[rows])
         return Fit(pose, self.cost[rows], self.covariance[rows], self.weights[rows], self.errors_px[rows])
@@ -111,8 +101,8 @@ class Fit:
 class Linear:
     """Whitened residuals with derivatives at a pose; a 2-D corner has two rows, a 3-D corner three.
 
-    ``gap`` (n, k, 4, d): measured minus predicted; ``by_point`` (n, k, 4, d, 3): derivative of the prediction by
-    the corner's place in the table frame; ``weights`` (n, k, 4); ``cost`` (n,).
+    ``gap`` (n, k, 4, d): measured minus predicted; ``by_point`` (n, k, 4, d, 3): derivative of the
+    prediction by the corner's place in the table frame; ``weights`` (n, k, 4); ``cost`` (n,).
     """
 
     gap: Floats
@@ -153,7 +143,7 @@ def linearise(seen: Sightings, scene: Scene, placed: Floats, noise: Noise) -> Pa
 
 
 def _weigh(gap: Floats, by_point: Floats, sigma: float, cauchy: float) -> Linear:
-    seen = np.isfinite(gap).all(-1)
+    seen = known(gap)
     gap = np.where(seen[..., None], gap, 0.0) / sigma
     squared = (gap**2).sum(-1) / cauchy**2
     by_point = np.where(seen[..., None, None], by_point, 0.0) / sigma
@@ -208,7 +198,7 @@ def refine(
     covariance = np.zeros((len(seen), 6, 6))
     covariance[np.ix_(range(len(seen)), held, held)] = np.linalg.pinv(hessian, hermitian=True)
     errors = np.linalg.norm(seen.pixels - scene.camera.project(scene.table.apply(placed)), axis=-1)
-    weights = np.where(np.isfinite(seen.pixels).all(-1), parts[0].weights, parts[1].weights)
+    weights = np.where(known(seen.pixels), parts[0].weights, parts[1].weights)
     return Fit(pose, parts[0].cost + parts[1].cost, covariance, weights, errors)
 
 
@@ -217,7 +207,9 @@ def _damped_step(parts: Pair, moves: Floats, damping: Floats, held: list[int]) -
     hessian, gradient = normal_equations(parts, moves)
     scale = damping * (np.einsum("nii->ni", hessian).mean(1) + 1e-9)
     step = np.zeros((len(gradient), 6))
-    step[:, held] = np.linalg.solve(hessian + scale[:, None, None] * np.eye(len(held)), gradient[..., None])[..., 0]
+    step[:, held] = np.linalg.solve(hessian + scale[:, None, None] * np.eye(len(held)), gradient[..., None])[
+        ..., 0
+    ]
     return np.clip(step, -0.2, 0.2)
 
 
@@ -250,30 +242,34 @@ def resting_start(seen: Sightings, scene: Scene) -> Rigid:
     hit = view.translation + ((level - view.translation[2]) / rays[..., 2])[..., None] * rays
     solid = scene.table.inverse().apply(seen.points)
     flat = np.where(np.isfinite(hit), hit, solid)[..., :2].reshape(len(seen), -1, 2)
-    known = np.broadcast_to(scene.corners[..., :2].reshape(-1, 2), flat.shape)
-    a, b, middle, middle_known = _centred(flat, known)
+    model = np.broadcast_to(scene.corners[..., :2].reshape(-1, 2), flat.shape)
+    a, b, middle, middle_model = _centred(flat, model)
     yaw = np.arctan2((a[..., 1] * b[..., 0] - a[..., 0] * b[..., 1]).sum(1), (a * b).sum((1, 2)))
     turn = matrix_about_z(yaw)
-    xy = middle - np.einsum("nij,nj->ni", turn[:, :2, :2], middle_known)
+    xy = middle - np.einsum("nij,nj->ni", turn[:, :2, :2], middle_model)
     return Rigid(turn, np.concatenate([xy, np.full((len(seen), 1), scene.rest_height_m)], 1))
 
 
 def solid_start(seen: Sightings, scene: Scene) -> Rigid:
-    """Poses table-from-box (n) by Procrustes' method in space on the 3-D corners; at least three make sense."""
+    """Poses table-from-box (n) by Procrustes' method in space on the 3-D corners; at least three make
+    sense.
+    """
     points = seen.points.reshape(len(seen), -1, 3)
-    known = np.broadcast_to(scene.corners.reshape(-1, 3), points.shape)
-    a, b, middle, middle_known = _centred(points, known)
+    model = np.broadcast_to(scene.corners.reshape(-1, 3), points.shape)
+    a, b, middle, middle_model = _centred(points, model)
     u, _, vt = np.linalg.svd(np.swapaxes(a, 1, 2) @ b)
     u[..., 2] *= np.linalg.det(u @ vt)[:, None]
     turn = u @ vt
-    return scene.table.inverse() @ Rigid(turn, middle - np.einsum("nij,nj->ni", turn, middle_known))
+    return scene.table.inverse() @ Rigid(turn, middle - np.einsum("nij,nj->ni", turn, middle_model))
 
 
-def _centred(found: Floats, known: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Point sets (n, k, d) about their means over the finite points of the first, zero elsewhere; the means."""
-    use = np.isfinite(found).all(-1)[..., None]
+def _centred(found: Floats, model: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Point sets (n, k, d) about their means over the finite points of the first, zero elsewhere; the
+    means.
+    """
+    use = known(found)[..., None]
     count = np.maximum(use.sum(1), 1)
     middle = np.where(use, found, 0.0).sum(1) / count
-    middle_known = np.where(use, known, 0.0).sum(1) / count
+    middle_model = np.where(use, model, 0.0).sum(1) / count
     about = np.where(use, found - middle[:, None], 0.0)
-    return about, np.where(use, known - middle_known[:, None], 0.0), middle, middle_known
+    return about, np.where(use, model - middle_model[:, None], 0.0), middle, middle_model

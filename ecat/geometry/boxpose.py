@@ -1,4 +1,6 @@
-"""The pose of a box in each frame: resting on the table where that explains what is seen, free where it does not."""
+"""The pose of a box in each frame: resting on the table where that explains what is seen, free where it does
+not.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,11 @@ from ecat.model.prototype import BoxPrototype
 class Doubt:
     """When a box is not believed to rest on the table, and when a frame is not believed at all.
 
-    ``doubtful_px`` is the reprojection error from which a free pose is tried at all; it is taken if it lowers the
-    robust cost by ``gain`` (in variances; three more degrees of freedom alone lower it by about three), lifts or
-    tilts the box visibly, and does not push it through the table.  A face counts as seen while it is at most
-    ``face_px`` off (root mean square per coordinate); a frame where no face is, has no pose.
+    ``doubtful_px`` is the reprojection error from which a free pose is tried at all; it is taken if it
+    lowers the robust cost by ``gain`` (in variances; three more degrees of freedom alone lower it by about
+    three), lifts or tilts the box visibly, and does not push it through the table.  A face counts as seen
+    while it is at most ``face_px`` off (root mean square per coordinate); a frame where no face is, has no
+    pose.
     """
 
     doubtful_px: float = 1.2
@@ -46,9 +49,9 @@ class Doubt:
 class BoxPoses:
     """Poses table-from-box with their quality, all (n,) but the pose.
 
-    ``free``: six degrees of freedom were solved; ``n_faces`` faces that agree with the pose, zero where nothing
-    does; ``residual_px`` RMS over the coordinates of their 2-D corners; ``sigma_m``, ``sigma_rad`` standard
-    deviations per axis.
+    ``free``: six degrees of freedom were solved; ``n_faces`` faces that agree with the pose, zero where
+    nothing does; ``residual_px`` RMS over the coordinates of their 2-D corners; ``sigma_m``, ``sigma_rad``
+    standard deviations per axis.
     """
 
     pose: Rigid
@@ -65,16 +68,23 @@ def scene_of(prototype: BoxPrototype, camera: Camera, table: Rigid) -> Scene:
 
 
 def box_poses(
-    seen: Sightings, prototype: BoxPrototype, camera: Camera, table: Rigid, noise: Noise, doubt: Doubt
+    seen: Sightings,
+    prototype: BoxPrototype,
+    camera: Camera,
+    table: Rigid,
+    *,
+    noise: Noise | None = None,
+    doubt: Doubt | None = None,
 ) -> BoxPoses:
     """Poses of one box in n frames, each from its own corners only."""
+    noise, doubt = noise or Noise(), doubt or Doubt()
     scene = scene_of(prototype, camera, table)
     best = resting_fit(seen, scene, noise)
     free = np.zeros(len(seen), bool)
     doubtful = np.flatnonzero(_worst_face(best) > doubt.doubtful_px)
     if doubtful.size:
         lifted = free_fit(seen[doubtful], scene, prototype, best[doubtful].pose, noise)
-        take = _believable(lifted, best[doubtful], scene, prototype, doubt)
+        take = _believable(lifted, best[doubtful], prototype, doubt)
         free[doubtful[take]] = True
         best = _replaced(best, doubtful[take], lifted[take])
     return _judged(best, free, noise, doubt)
@@ -94,12 +104,16 @@ def resting_fit(seen: Sightings, scene: Scene, noise: Noise) -> Fit:
 
 
 def free_fit(seen: Sightings, scene: Scene, prototype: BoxPrototype, rest: Rigid, noise: Noise) -> Fit:
-    """Fits with six degrees of freedom, the best from the resting pose, the 3-D corners, and both poses of each face."""
+    """Fits with six degrees of freedom, the best from the resting pose, the 3-D corners, and both poses of
+    each face.
+    """
     best = refine(seen, scene, rest, noise, freedom=FREE, steps=30)
     rows = np.flatnonzero(np.isfinite(seen.points).all(-1).sum((1, 2)) >= 3)
     if rows.size:
         start = solid_start(seen[rows], scene)
-        best = _replaced_if_better(best, rows, refine(seen[rows], scene, start, noise, freedom=FREE, steps=30))
+        best = _replaced_if_better(
+            best, rows, refine(seen[rows], scene, start, noise, freedom=FREE, steps=30)
+        )
     for i, face in enumerate(prototype.faces):
         rows = np.flatnonzero(np.isfinite(seen.pixels[:, i]).all((1, 2)))
         if not rows.size:
@@ -127,9 +141,7 @@ def _worst_face(fit: Fit) -> Floats:
     return np.where(worst < 0, np.inf, worst)
 
 
-def _believable(
-    free: Fit, rest: Fit, scene: Scene, prototype: BoxPrototype, doubt: Doubt
-) -> NDArray[np.bool_]:
+def _believable(free: Fit, rest: Fit, prototype: BoxPrototype, doubt: Doubt) -> NDArray[np.bool_]:
     half = np.array(prototype.size_m) / 2
     lowest = free.pose.translation[:, 2] - np.abs(free.pose.rotation[:, 2]) @ half
     tilt = np.arccos(np.clip(free.pose.rotation[:, 2, 2], -1, 1))
@@ -176,4 +188,6 @@ def _judged(fit: Fit, free: NDArray[np.bool_], noise: Noise, doubt: Doubt) -> Bo
     held = np.where(free, 3, 2), np.where(free, 3, 1)
     sigma_m = worse * np.sqrt(variance[:, :3].sum(1) / held[0])
     sigma_rad = worse * np.sqrt(variance[:, 3:].sum(1) / held[1])
-    return BoxPoses(fit.pose, free, agrees.sum(1), np.where(corners > 0, residual, np.nan), sigma_m, sigma_rad)
+    return BoxPoses(
+        fit.pose, free, agrees.sum(1), np.where(corners > 0, residual, np.nan), sigma_m, sigma_rad
+    )

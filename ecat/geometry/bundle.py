@@ -1,19 +1,23 @@
-"""Bundle adjustment: the table plane, the boxes' sizes and the markers' places on them that explain all frames.
+"""Bundle adjustment: the table plane, the boxes' sizes and the markers' places on them that explain all
+frames.
 
 Every frame has its own pose (resting on the table), which is eliminated frame by frame (Schur complement), so
 that only a few dozen shared unknowns remain, however long the recording.
 
-Images show neither the scale of the whole nor the height at which a box ends below its markers: a box that is 1 %
-taller and nearer looks the same.  Depth decides that: the 3-D corners, the polygons, and how well the boxes' sizes
-are known.
+Images show neither the scale of the whole nor the height at which a box ends below its markers: a box that
+is 1 % taller and nearer looks the same.  Depth decides that: the 3-D corners, the polygons, and how well the
+boxes' sizes are known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ecat.geometry.boxes import SQUARE
 from ecat.geometry.boxfit import (
@@ -28,6 +32,7 @@ from ecat.geometry.boxfit import (
     resting_start,
 )
 from ecat.geometry.cameras import Camera
+from ecat.geometry.contact import gap, gap_gradient
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_rotvec, quaternion_from_matrix, skew
 from ecat.model.prototype import BoxPrototype, MarkerFace, face_normal
 
@@ -38,10 +43,13 @@ _SIZE = 1  # of a box: relative growth of its edges, after its faces
 
 @dataclass(frozen=True)
 class Track:
-    """What one recording shows of one box: ``table`` and ``box`` are indices into planes and prototypes."""
+    """What one recording shows of one box in some frames (n,): ``table`` and ``box`` are indices into planes and
+    prototypes.
+    """
 
     table: int
     box: int
+    frame: NDArray[np.int64]
     seen: Sightings
 
 
@@ -49,9 +57,10 @@ class Track:
 class Priors:
     """How far things may be from what is assumed; standard deviations in metres and radians.
 
-    A marker lies flat on its face, whose distance from the box's centre is half the edge: that fixes the box's
-    axes.  ``size_m``: how well edges are known, nominally.  ``samples_per_view``: consecutive frames repeat each
-    other's errors, so that many count as one.
+    A marker lies flat on its face, whose distance from the box's centre is half the edge: that fixes the
+    box's axes.  ``size_m``: how well edges are known, nominally.  ``point_m``: depth errs by centimetres alike on a
+    whole face, so here 3-D corners say little more than the scale.  ``overlap_m``: boxes are solid.  ``samples_per_view``: consecutive frames
+    repeat each other's errors, so that many count as one.
     """
 
     size_m: float = 0.002
@@ -60,6 +69,8 @@ class Priors:
     marker_shift_m: float = 0.01
     side_m: float = 0.005
     polygon_m: float = 0.01
+    point_m: float = 0.03
+    overlap_m: float = 0.001
     samples_per_view: float = 20.0
 
 
@@ -90,26 +101,34 @@ def adjust(
     ``polygons[i]`` (n, 3): points marked on table i, camera's reference frame, NaN = missing.
     """
     priors = priors or Priors()
+    noise = replace(noise, sigma_point_m=priors.point_m)
     now, boxes = list(tables), [_Geometry.of(p) for p in prototypes]
     start = [_Geometry.of(p) for p in prototypes]
     poses = [resting_start(t.seen, _scene(t, now, boxes, camera)) for t in tracks]
     hessian = np.eye(1)
     for _ in range(rounds):
         system = _System(len(now), boxes)
+        responses = [np.empty(0)] * len(tracks)
         for i, track in enumerate(tracks):
             scene = _scene(track, now, boxes, camera)
-            poses[i] = refine(track.seen, scene, _at_rest(poses[i], scene), noise, freedom=RESTING, steps=3).pose
-            system.add_track(track, scene, boxes[track.box], poses[i], noise, priors.samples_per_view)
+            poses[i] = refine(
+                track.seen, scene, _at_rest(poses[i], scene), noise, freedom=RESTING, steps=3
+            ).pose
+            responses[i] = system.add_track(track, scene, poses[i], noise, priors.samples_per_view)
+        for i, j in combinations(range(len(tracks)), 2):
+            if tracks[i].table == tracks[j].table:
+                pair = ((tracks[i], poses[i], responses[i]), (tracks[j], poses[j], responses[j]))
+                system.add_overlaps(*pair, priors.overlap_m)
         for i, points in enumerate(polygons):
             system.add_polygon(i, now[i].inverse().apply(points), priors.polygon_m)
-        for i, box in enumerate(boxes):
-            system.add_priors(i, box, start[i], priors)
-        step, hessian = system.solve(fixed_prototypes)
+        for i in range(len(boxes)):
+            system.add_priors(i, start[i], priors)
+        step, hessian = system.solve(planes_only=fixed_prototypes)
         now = [_tilted(t, step[_PLANE * i : _PLANE * (i + 1)]) for i, t in enumerate(now)]
         boxes = [box.moved(step[system.first(i) :]) for i, box in enumerate(boxes)]
         if np.abs(step).max() < 1e-6:
             break
-    covariance = np.linalg.pinv(hessian, hermitian=True)
+    covariance = np.asarray(np.linalg.pinv(hessian, hermitian=True), np.float64)
     errors = [
         refine(t.seen, scene, _at_rest(p, scene), noise, freedom=RESTING, steps=3).errors_px
         for t, p in zip(tracks, poses, strict=True)
@@ -119,14 +138,18 @@ def adjust(
         box.prototype(p, covariance, system_first)
         for box, p, system_first in zip(boxes, prototypes, _firsts(len(now), boxes), strict=True)
     )
-    planes = np.stack([covariance[_PLANE * i :][:_PLANE, _PLANE * i : _PLANE * (i + 1)] for i in range(len(now))])
+    planes = np.stack(
+        [covariance[_PLANE * i :][:_PLANE, _PLANE * i : _PLANE * (i + 1)] for i in range(len(now))]
+    )
     left = np.concatenate([e[np.isfinite(e)] for e in errors])
     return Bundle(tuple(now), made, planes, float(np.median(left)) if left.size else float("nan"))
 
 
 @dataclass(frozen=True)
 class _Geometry:
-    """The unknowns of a box as arrays, (faces, 3), (faces, 3, 3), (faces,), and its growth; what it grew from."""
+    """The unknowns of a box as arrays, (faces, 3), (faces, 3, 3), (faces,), and its growth; what it grew
+    from.
+    """
 
     centre: Floats
     turn: Floats
@@ -134,11 +157,11 @@ class _Geometry:
     growth: float
     normal: Floats
     nominal_distance: Floats
-    nominal_height: float
+    nominal_size: tuple[float, ...]
 
     @property
     def rest_height(self) -> float:
-        return self.nominal_height / 2 * (1 + self.growth)
+        return self.nominal_size[2] / 2 * (1 + self.growth)
 
     @classmethod
     def of(cls, p: BoxPrototype) -> _Geometry:
@@ -150,28 +173,50 @@ class _Geometry:
             0.0,
             normal,
             np.abs(normal @ np.array(p.size_m)) / 2,
-            p.size_m[2],
+            p.size_m,
         )
 
     @property
     def corners(self) -> Floats:
         return np.einsum("fij,kj->fki", self.turn, SQUARE) * self.side[:, None, None] + self.centre[:, None]
 
+    @property
+    def half(self) -> Floats:
+        """Half the edges (2,) along x and y."""
+        return np.array(self.nominal_size[:2]) / 2 * (1 + self.growth)
+
     def moved(self, step: Floats) -> _Geometry:
         by_face = step[: _FACE * len(self.side)].reshape(-1, _FACE)
         turn = matrix_from_rotvec(by_face[:, 3:6]) @ self.turn
         growth = self.growth + float(step[_FACE * len(self.side)])
-        return replace(self, centre=self.centre + by_face[:, :3], turn=turn, side=self.side + by_face[:, 6], growth=growth)
+        return replace(
+            self,
+            centre=self.centre + by_face[:, :3],
+            turn=turn,
+            side=self.side + by_face[:, 6],
+            growth=growth,
+        )
 
     def prototype(self, p: BoxPrototype, covariance: Floats, first: int) -> BoxPrototype:
         faces: list[MarkerFace] = []
         for i, face in enumerate(p.faces):
             at = first + _FACE * i
-            sigma = float(np.sqrt(np.trace(covariance[at : at + 3, at : at + 3]))) if at < len(covariance) else None
+            sigma = (
+                float(np.sqrt(np.trace(covariance[at : at + 3, at : at + 3])))
+                if at < len(covariance)
+                else None
+            )
             x, y, z = (float(c) for c in self.centre[i])
             qx, qy, qz, qw = (float(c) for c in quaternion_from_matrix(self.turn[i]))
             faces.append(
-                MarkerFace(face.face, face.code, float(self.side[i]), (x, y, z), (qx, qy, qz, qw), sigma or face.sigma_m)
+                MarkerFace(
+                    face.face,
+                    face.code,
+                    float(self.side[i]),
+                    (x, y, z),
+                    (qx, qy, qz, qw),
+                    sigma or face.sigma_m,
+                )
             )
         x, y, z = (edge * (1 + self.growth) for edge in p.size_m)
         return BoxPrototype(p.name, (x, y, z), tuple(faces))
@@ -185,6 +230,12 @@ def _scene(track: Track, tables: Sequence[Rigid], boxes: Sequence[_Geometry], ca
 def _firsts(tables: int, boxes: Sequence[_Geometry]) -> list[int]:
     sizes = [_unknowns(b) for b in boxes]
     return [_PLANE * tables + sum(sizes[:i]) for i in range(len(boxes))]
+
+
+def _flat(pose: Rigid) -> Floats:
+    """x, y and turn about z (n, 3) of resting boxes."""
+    turn = np.arctan2(pose.rotation[:, 1, 0], pose.rotation[:, 0, 0])
+    return np.concatenate([pose.translation[:, :2], turn[:, None]], 1)
 
 
 def _unknowns(box: _Geometry) -> int:
@@ -201,11 +252,14 @@ def _tilted(table: Rigid, step: Floats) -> Rigid:
     return Rigid(table.rotation @ turn, table.apply(np.array([0.0, 0.0, step[2]])))
 
 
+_Posed: TypeAlias = tuple[Track, Rigid, Floats]
+
+
 class _System:
     """Normal equations of the shared unknowns: planes first, then the faces of each box."""
 
     def __init__(self, tables: int, boxes: Sequence[_Geometry]) -> None:
-        self._firsts = _firsts(tables, boxes)
+        self._boxes, self._firsts = boxes, _firsts(tables, boxes)
         self._planes = _PLANE * tables
         size = self._planes + sum(_unknowns(b) for b in boxes)
         self._hessian, self._gradient = np.zeros((size, size)), np.zeros(size)
@@ -214,8 +268,10 @@ class _System:
         return self._firsts[box]
 
     def add_track(
-        self, track: Track, scene: Scene, box: _Geometry, pose: Rigid, noise: Noise, samples_per_view: float
-    ) -> None:
+        self, track: Track, scene: Scene, pose: Rigid, noise: Noise, samples_per_view: float
+    ) -> Floats:
+        """Add what one box shows; the answer (n, 3, unknowns of all) tells how the poses follow the unknowns."""
+        box = self._boxes[track.box]
         placed = place(pose, scene.corners)
         parts = linearise(track.seen, scene, placed, noise)
         moves, shared_moves = motion(placed, pose, RESTING), _by_shared(placed, box, pose)
@@ -225,33 +281,55 @@ class _System:
         for part in parts:
             a = (part.by_point @ moves).reshape(n, -1, m)
             b = (part.by_point @ shared_moves).reshape(n, -1, k)
-            gap = part.gap.reshape(n, -1, 1)
+            miss = part.gap.reshape(n, -1, 1)
             weight = np.repeat(part.weights.reshape(n, -1), part.gap.shape[-1], axis=1)[..., None]
             left, right = np.swapaxes(a * weight, 1, 2), np.swapaxes(b * weight, 1, 2)
             own, cross, shared = own + left @ a, cross + left @ b, shared + right @ b
-            pull, shared_pull = pull + left @ gap, shared_pull + right @ gap
-        back = np.swapaxes(cross, 1, 2) @ np.linalg.inv(own + 1e-6 * np.eye(m))
-        where = self._columns(track, box)
+            pull, shared_pull = pull + left @ miss, shared_pull + right @ miss
+        inverse = np.linalg.inv(own + 1e-6 * np.eye(m))
+        back = np.swapaxes(cross, 1, 2) @ inverse
+        where = self._columns(track)
         self._hessian[np.ix_(where, where)] += (shared - back @ cross).sum(0) / samples_per_view
         self._gradient[where] += (shared_pull - back @ pull).sum(0)[:, 0] / samples_per_view
+        response = np.zeros((n, m, len(self._gradient)))
+        response[:, :, where] = -inverse @ cross
+        return response
 
-    def _columns(self, track: Track, box: _Geometry) -> list[int]:
+    def add_overlaps(self, first: _Posed, second: _Posed, sigma: float) -> None:
+        """Boxes that overlap in a frame are pushed apart; others do not say anything."""
+        _, rows_a, rows_b = np.intersect1d(first[0].frame, second[0].frame, return_indices=True)
+        flat = [_flat(pose)[rows] for (_, pose, _), rows in ((first, rows_a), (second, rows_b))]
+        half = [self._boxes[track.box].half for track, _, _ in (first, second)]
+        depth = gap(*flat, *half)
+        # deeper than a box's fifth is no contact but a wrong pose
+        inside = np.flatnonzero((depth < 0) & (depth > -0.4 * min(h.min() for h in half)))
+        if not inside.size:
+            return
+        slopes = gap_gradient(flat[0][inside], flat[1][inside], *half)
+        by_all = sum(
+            np.einsum("ni,nik->nk", slope, response[rows[inside]])
+            for slope, (_, _, response), rows in zip(slopes, (first, second), (rows_a, rows_b), strict=True)
+        )
+        for row, value in zip(by_all, depth[inside], strict=True):
+            self._add_row({0: row}, -value, sigma)
+
+    def _columns(self, track: Track) -> list[int]:
         plane = range(_PLANE * track.table, _PLANE * (track.table + 1))
         first = self._firsts[track.box]
-        return [*plane, *range(first, first + _unknowns(box))]
+        return [*plane, *range(first, first + _unknowns(self._boxes[track.box]))]
 
     def add_polygon(self, table: int, points: Floats, sigma: float) -> None:
         points = points[np.isfinite(points).all(-1)]
-        gap = -points[:, 2] / sigma
-        weight = 1 / (1 + gap**2)
+        miss = -points[:, 2] / sigma
+        weight = 1 / (1 + miss**2)
         # a table turned about x by a lowers a point at y by a*y, in the table's own axes
         rows = np.stack([-points[:, 1], points[:, 0], -np.ones(len(points))], 1) / sigma
         at = slice(_PLANE * table, _PLANE * (table + 1))
         self._hessian[at, at] += (rows * weight[:, None]).T @ rows
-        self._gradient[at] += rows.T @ (weight * gap)
+        self._gradient[at] += rows.T @ (weight * miss)
 
-    def add_priors(self, index: int, box: _Geometry, start: _Geometry, priors: Priors) -> None:
-        first = self._firsts[index]
+    def add_priors(self, index: int, start: _Geometry, priors: Priors) -> None:
+        first, box = self._firsts[index], self._boxes[index]
         size = first + _FACE * len(box.side)
         edges = 2 * box.nominal_distance.max()
         self._add_row({size: np.ones(1)}, -box.growth, priors.size_m / edges)
@@ -266,15 +344,15 @@ class _System:
                 self._add_row({at + 3: axis}, axis @ lean, priors.face_tilt)
             self._add_row({at + 6: np.ones(1)}, start.side[i] - box.side[i], priors.side_m)
 
-    def _add_row(self, row: dict[int, Floats], gap: float, sigma: float) -> None:
-        """One more residual ``gap - row @ step`` of standard deviation ``sigma``."""
+    def _add_row(self, row: dict[int, Floats], miss: float, sigma: float) -> None:
+        """One more residual ``miss - row @ step`` of standard deviation ``sigma``."""
         full = np.zeros(len(self._gradient))
         for at, values in row.items():
             full[at : at + len(values)] = values
         self._hessian += np.outer(full, full) / sigma**2
-        self._gradient += full * gap / sigma**2
+        self._gradient += full * miss / sigma**2
 
-    def solve(self, planes_only: bool) -> tuple[Floats, Floats]:
+    def solve(self, *, planes_only: bool) -> tuple[Floats, Floats]:
         n = self._planes if planes_only else len(self._gradient)
         hessian = self._hessian[:n, :n] + 1e-6 * np.eye(n)
         step = np.zeros(len(self._gradient))
@@ -283,8 +361,10 @@ class _System:
 
 
 def _by_shared(placed: Floats, box: _Geometry, pose: Rigid) -> Floats:
-    """Derivatives (n, faces, 4, 3, unknowns) of placed corners by the plane, the faces and the box's growth."""
-    n, faces = placed.shape[:2]
+    """Derivatives (n, faces, 4, 3, unknowns) of placed corners by the plane, the faces and the box's
+    growth.
+    """
+    faces = placed.shape[1]
     out = np.zeros((*placed.shape, _PLANE + _unknowns(box)))
     out[..., 0], out[..., 1] = np.cross(np.eye(3)[0], placed), np.cross(np.eye(3)[1], placed)
     out[..., 2, 2] = 1
@@ -294,5 +374,5 @@ def _by_shared(placed: Floats, box: _Geometry, pose: Rigid) -> Floats:
         out[:, f, :, :, at : at + 3] = pose.rotation[:, None]
         out[:, f, :, :, at + 3 : at + 6] = pose.rotation[:, None] @ -skew(arms[f])
         out[:, f, :, :, at + 6] = np.einsum("nij,kj->nki", pose.rotation, arms[f] / box.side[f])
-    out[..., 2, -1] = box.nominal_height / 2
+    out[..., 2, -1] = box.nominal_size[2] / 2
     return out

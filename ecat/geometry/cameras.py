@@ -40,7 +40,9 @@ class Camera:
     from_reference: Rigid = field(default_factory=Rigid.identity)
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (..., 2) of points (..., 3) in the reference frame; NaN for points not in front of the camera."""
+        """Pixels (..., 2) of points (..., 3) in the reference frame; NaN for points not in front of the
+        camera.
+        """
         return self.project_jacobian(points)[0]
 
     def project_jacobian(self, points: Floats) -> tuple[Floats, Floats]:

@@ -34,7 +34,8 @@ def fit_plane(points: Floats, *, tolerance_m: float = 0.015, trials: int = 500) 
     tolerance_m : largest distance of an inlier.
     trials : random triples tried; all triples when there are fewer.
 
-    The normal points to the side of the origin (the camera).  The random choice is seeded: same points, same plane.
+    The normal points to the side of the origin (the camera).  The random choice is seeded: same points, same
+    plane.
 
     Raises
     ------
@@ -82,7 +83,9 @@ def _candidates(points: Floats, trials: int) -> tuple[Floats, Floats]:
     usable = length > 1e-9 * max(spread, 1e-9) ** 2
     if not usable.any():
         raise InputError(
-            "cannot fit a plane", where=f"all {n} points lie on one line", fix="mark points that span the surface"
+            "cannot fit a plane",
+            where=f"all {n} points lie on one line",
+            fix="mark points that span the surface",
         )
     normal = normal[usable] / length[usable, None]
     return normal, -np.einsum("ij,ij->i", normal, points[i][usable])
@@ -95,10 +98,11 @@ def _least_squares(points: Floats) -> tuple[Floats, float]:
 
 
 def plane_frame(normal: Floats, offset: float) -> Rigid:
-    """camera-from-table: the frame on the plane ``normal @ p + offset = 0``, in the frame of the plane's points.
+    """camera-from-table: the frame on the plane ``normal @ p + offset = 0``, in the frame of the plane's
+    points.
 
-    z is the normal, x the camera's x laid onto the plane, and the origin where the optical axis meets the plane
-    (the foot of the camera if it does not, or only under a very flat angle): the plane alone decides.
+    z is the normal, x the camera's x laid onto the plane, and the origin where the optical axis meets the
+    plane (the foot of the camera if it does not, or only under a very flat angle): the plane alone decides.
     """
     z = normal / np.linalg.norm(normal)
     offset = float(offset / np.linalg.norm(normal))
@@ -107,4 +111,5 @@ def plane_frame(normal: Floats, offset: float) -> Rigid:
     x /= np.linalg.norm(x)
     depth = -offset / z[2] if abs(z[2]) > 0.1 else -1.0
     origin = np.array([0.0, 0.0, depth]) if depth > 0 else -offset * z
-    return Rigid(np.stack([x, np.cross(z, x), z], -1), origin)
+    axes = np.asarray(np.stack([x, np.cross(z, x), z], -1), np.float64)
+    return Rigid(axes, origin)

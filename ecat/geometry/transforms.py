@@ -15,6 +15,12 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 
+def known(points: Floats, axes: int = 1) -> NDArray[np.bool_]:
+    """Whether no number along the last ``axes`` axes is missing (NaN)."""
+    flat = np.isfinite(points).reshape(*points.shape[: points.ndim - axes], -1)
+    return np.asarray(flat.all(axis=-1), np.bool_)
+
+
 @dataclass(frozen=True)
 class Rigid:
     """A rigid transform ``x -> rotation @ x + translation`` (or a whole array of them).
@@ -27,6 +33,7 @@ class Rigid:
 
     @classmethod
     def identity(cls) -> Rigid:
+        """The transform that changes nothing."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
@@ -44,6 +51,7 @@ class Rigid:
         return np.einsum("...ij,...j->...i", self.rotation, points) + self.translation
 
     def inverse(self) -> Rigid:
+        """The way back: ``b_from_a`` of ``a_from_b``."""
         back = np.swapaxes(self.rotation, -1, -2)
         return Rigid(back, -np.einsum("...ij,...j->...i", back, self.translation))
 
@@ -119,7 +127,9 @@ def quaternion_angle(a: Floats, b: Floats) -> Floats:
 
 
 def nearest_rotation(matrix: Floats) -> Floats:
-    """The rotation (..., 3, 3) nearest to a matrix (..., 3, 3) in the Frobenius norm (orthogonal Procrustes)."""
+    """The rotation (..., 3, 3) nearest to a matrix (..., 3, 3) in the Frobenius norm (orthogonal
+    Procrustes).
+    """
     u, _, vt = np.linalg.svd(matrix)
     vt[..., 2, :] *= np.linalg.det(u @ vt)[..., None]
     return u @ vt

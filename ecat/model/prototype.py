@@ -41,7 +41,8 @@ class MarkerFace:
     code : the printed pattern, row by row from its top left, '1' = white; a square number of cells.
     side_m : edge of the marker's outer (black) square.
     centre : marker's centre in box axes, metres.
-    quaternion : x, y, z, w; rotation to box axes from marker axes (x right, y up on the print, z out of the face).
+    quaternion : x, y, z, w; rotation to box axes from marker axes (x right, y up on the print, z out of the
+    face).
     sigma_m : standard deviation of the marker's position on the box; None for nominal values.
     """
 
@@ -121,7 +122,12 @@ def _face(data: object, path: str, problems: list[str]) -> MarkerFace:
     face, code, sigma = row.get("face"), row.get("code"), row.get("sigma_m")
     if face not in FACES:
         problems.append(f"{path}.face: expected one of {', '.join(FACES)}")
-    if not isinstance(code, str) or set(code) - {"0", "1"} or not code or math.isqrt(len(code)) ** 2 != len(code):
+    if (
+        not isinstance(code, str)
+        or set(code) - {"0", "1"}
+        or not code
+        or math.isqrt(len(code)) ** 2 != len(code)
+    ):
         problems.append(f"{path}.code: expected a square number of '0' and '1'")
     (side,) = _numbers([row.get("side_m")], 1, f"{path}.side_m", problems)
     if side <= 0:
@@ -178,10 +184,13 @@ def nominal_face(face: FaceName, code: str, side_m: float, size_m: Triple) -> Ma
 def _glyph_box(name: str, codes: dict[FaceName, str]) -> BoxPrototype:
     # six-inch cubes; the markers measure 0.087-0.091 m in real recordings (ECAT 2018 file format §2.1)
     size = (0.1524, 0.1524, 0.1524)
-    return BoxPrototype(name, size, tuple(nominal_face(f, c.replace("/", ""), 0.089, size) for f, c in codes.items()))
+    return BoxPrototype(
+        name, size, tuple(nominal_face(f, c.replace("/", ""), 0.089, size) for f, c in codes.items())
+    )
 
 
-# The annotator's own boxes: ArUco "original" ids 5, 477, 71; 6, 566, 155; 426, 303, 521 (ECAT 2018 file format
+# The annotator's own boxes: ArUco "original" ids 5, 477, 71; 6, 566, 155; 426, 303, 521 (ECAT 2018 file
+# format
 # §1.8).  These are its tables, not measurements: in the real recordings Shell lies with 521 on top.
 STELLA_ARTOIS = _glyph_box(
     "Stella Artois",

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -46,10 +47,19 @@ class Clock:
     duration_ns: int | None = None
 
     def t_ns(self, frame: int, n_frames: int) -> int | None:
-        """Nanoseconds since the session's start at ``frame`` under the ``uniform`` rule, never before 0; else ``None``."""
+        """Nanoseconds since the session's start at ``frame`` under the ``uniform`` rule, never before 0; else ``None``.
+
+        Frames so far beyond the end that 64 bits cannot hold their time have none.
+        """
+        return self.times_ns((frame,), n_frames)[0]
+
+    def times_ns(self, frames: Sequence[int], n_frames: int) -> list[int | None]:
+        """:meth:`t_ns` of many frames."""
         if self.rule != "uniform" or self.duration_ns is None or n_frames < 2:
-            return None
-        return max(0, (2 * self.duration_ns * frame + n_frames - 1) // (2 * (n_frames - 1)))
+            return [None] * len(frames)
+        twice, half, whole = 2 * self.duration_ns, n_frames - 1, 2 * (n_frames - 1)
+        times = [(twice * frame + half) // whole for frame in frames]
+        return [(t if t < 1 << 63 else None) if t > 0 else 0 for t in times]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

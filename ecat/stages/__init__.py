@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from ecat.stages.plane import PLANE
 from ecat.stages.pose import POSE
+from ecat.stages.smooth import SMOOTH
 from ecat.stages.stage import Stage
 
-STAGES: tuple[Stage, ...] = (PLANE, POSE)
+STAGES: tuple[Stage, ...] = (PLANE, POSE, SMOOTH)
 """Every stage, in the order in which they run."""
 
 __all__ = ["STAGES", "Stage"]

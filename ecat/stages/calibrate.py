@@ -1,4 +1,6 @@
-"""The geometry of marked boxes from recordings of them: which face is where, marker sizes, offsets and turns."""
+"""The geometry of marked boxes from recordings of them: which face is where, marker sizes, offsets and
+turns.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from ecat.stages.sightings import BoxSightings, Faces, box_sightings, read_faces
 
 @dataclass(frozen=True)
 class Recording:
-    """What calibration reads of a session: marker tables, and points (n, 3) on the table in ``camera/depth``."""
+    """What calibration reads of a session: marker tables, and points (n, 3) on the table in
+    ``camera/depth``.
+    """
 
     markers_2d: pa.Table
     markers_3d: pa.Table | None = None
@@ -35,8 +39,8 @@ class Recording:
 @dataclass(frozen=True)
 class CalibrationParameters:
     """``known`` boxes lend their name and size to the box that carries their codes; ``size_m`` is that of all
-    others: images alone do not show how large a thing is.  ``every``: share of frames used; ``min_sightings``:
-    a code seen less often is taken for a misreading.
+    others: images alone do not show how large a thing is.  ``every``: share of frames used;
+    ``min_sightings``: a code seen less often is taken for a misreading.
     """
 
     known: tuple[BoxPrototype, ...] = NOMINAL_BOXES
@@ -60,7 +64,9 @@ class Calibration:
     residual_px: float
 
 
-def calibrate_boxes(recordings: Sequence[Recording], parameters: CalibrationParameters | None = None) -> Calibration:
+def calibrate_boxes(
+    recordings: Sequence[Recording], parameters: CalibrationParameters | None = None
+) -> Calibration:
     """Calibrate all boxes that occur in the recordings, together; boxes should mostly stand on a table.
 
     Raises
@@ -88,7 +94,9 @@ def calibrate_boxes(recordings: Sequence[Recording], parameters: CalibrationPara
         for table, sightings in zip(drawn, seen, strict=True)
     ]
     tracks = [
-        Track(i, box.prototype, box.seen[:: parameters.every]) for i, boxed in enumerate(seen) for box in boxed
+        Track(i, box.prototype, *box.every(parameters.every))
+        for i, boxed in enumerate(seen)
+        for box in boxed
     ]
     bundle = adjust(
         tracks,
@@ -109,7 +117,9 @@ def _drawn_table(polygon: Floats) -> Rigid | None:
     return plane_frame(plane.normal, plane.offset)
 
 
-def _standing_table(seen: list[BoxSightings], boxes: Sequence[BoxPrototype], parameters: CalibrationParameters) -> Rigid:
+def _standing_table(
+    seen: list[BoxSightings], boxes: Sequence[BoxPrototype], parameters: CalibrationParameters
+) -> Rigid:
     plane = fit_plane(standing_points(seen, boxes, parameters.camera), tolerance_m=0.03)
     return plane_frame(plane.normal, plane.offset)
 
@@ -143,7 +153,12 @@ def _printed_codes(counts: Counter[str], parameters: CalibrationParameters) -> l
     total: Counter[str] = Counter()
     for code, count in counts.items():
         patterns = [*known, *total]
-        total[next((p for p in patterns if identify(code, p, mirrored=mirrored) is not None), _unmirrored(code, mirrored=mirrored))] += count
+        total[
+            next(
+                (p for p in patterns if identify(code, p, mirrored=mirrored) is not None),
+                _unmirrored(code, mirrored=mirrored),
+            )
+        ] += count
     return [code for code, count in total.most_common(6) if count >= parameters.min_sightings]
 
 
@@ -154,7 +169,10 @@ def _unmirrored(code: str, *, mirrored: bool) -> str:
 
 
 def _laid_out(
-    box: BoxPrototype, faces: Sequence[Faces], drawn: Sequence[Rigid | None], parameters: CalibrationParameters
+    box: BoxPrototype,
+    faces: Sequence[Faces],
+    drawn: Sequence[Rigid | None],
+    parameters: CalibrationParameters,
 ) -> BoxPrototype | None:
     """The box with its markers on the right faces; None if they are never seen together."""
     pixels: list[Floats] = []
@@ -168,4 +186,4 @@ def _laid_out(
     layout = find_layout(np.concatenate(pixels), parameters.camera, np.concatenate(up))
     if np.isfinite(layout.turns[:, 0, 0]).sum() < 2:
         return None
-    return laid_out(box.name, box.size_m, [f.code for f in box.faces], layout, parameters.side_m)
+    return laid_out(box.name, box.size_m, [f.code for f in box.faces], layout, side_m=parameters.side_m)

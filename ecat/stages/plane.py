@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ecat.errors import InputError
-from ecat.geometry.boxes import box_corners, square_poses
+from ecat.geometry.boxes import square_poses
 from ecat.geometry.boxfit import Noise
 from ecat.geometry.bundle import Priors, Track, adjust
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
@@ -29,8 +29,8 @@ MIN_BOX_FRAMES = 20
 class PlaneParameters:
     """``surface``: object id of the polygon on the table (empty: every 3-D polygon of the session).
 
-    ``tolerance_m``: largest distance of a polygon point that is believed; annotated points are up to 21 mm off.
-    ``every``: only every so manieth frame with boxes is used, neighbours being nearly alike.
+    ``tolerance_m``: largest distance of a polygon point that is believed; annotated points are up to 21 mm
+    off. ``every``: only every so manieth frame with boxes is used, neighbours being nearly alike.
     """
 
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
@@ -52,7 +52,8 @@ def fit_table(
 
     Parameters
     ----------
-    polygon : (n, 3) points on the table in ``camera/depth``, all key frames together, NaN = missing; may be empty.
+    polygon : (n, 3) points on the table in ``camera/depth``, all key frames together, NaN = missing; may be
+    empty.
     markers_2d, markers_3d : boxes that mostly stand on the table; None if there are none.
 
     Raises
@@ -61,12 +62,18 @@ def fit_table(
     """
     parameters = parameters or PlaneParameters()
     polygon = np.asarray(polygon, float).reshape(-1, 3)
+    drawn = np.isfinite(polygon).all(1).sum() >= 3
     boxes: list[BoxSightings] = []
     if markers_2d is not None:
         faces = read_faces(markers_2d, markers_3d, parameters.camera)
         boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
-        boxes = [box for box in boxes if len(box.frame) >= MIN_BOX_FRAMES]
-    drawn = np.isfinite(polygon).all(1).sum() >= 3
+        # nominal boxes would pull the plane to where their tables are wrong
+        measured = [all(f.sigma_m is not None for f in p.faces) for p in parameters.prototypes]
+        boxes = [
+            box
+            for box in boxes
+            if len(box.frame) >= MIN_BOX_FRAMES and (measured[box.prototype] or not drawn)
+        ]
     if drawn:
         start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
     elif boxes:
@@ -80,7 +87,7 @@ def fit_table(
         )
     if not boxes:
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
-    tracks = [Track(0, box.prototype, box.seen[:: parameters.every]) for box in boxes]
+    tracks = [Track(0, box.prototype, *box.every(parameters.every)) for box in boxes]
     first = plane_frame(start.normal, start.offset)
     bundle = adjust(
         tracks,
@@ -101,7 +108,9 @@ def fit_table(
 def standing_points(
     boxes: Sequence[BoxSightings], prototypes: Sequence[BoxPrototype], camera: Camera
 ) -> Floats:
-    """Corners (n, 3) of the faces that boxes stand on, in the camera's reference frame, each from one marker alone."""
+    """Corners (n, 3) of the faces that boxes stand on, in the camera's reference frame, each from one marker
+    alone.
+    """
     points: list[Floats] = []
     for box in boxes:
         prototype = prototypes[box.prototype]
@@ -126,26 +135,36 @@ def _on(table: Rigid, polygon: Floats, tolerance_m: float) -> PlaneFit:
     away = np.abs(polygon @ normal + offset)
     inliers = np.where(np.isfinite(away), away, np.inf) <= tolerance_m
     rms = float(np.sqrt((away[inliers] ** 2).mean())) if inliers.any() else float("nan")
-    return PlaneFit(normal, offset, inliers, rms, float(away[inliers].max()) if inliers.any() else float("nan"))
+    return PlaneFit(
+        normal, offset, inliers, rms, float(away[inliers].max()) if inliers.any() else float("nan")
+    )
 
 
 def _rows(fit: PlaneFit, frame: Rigid, evidence: str, n_points: int, extra: int = 0) -> pa.Table:
-    values: dict[str, object] = {"t_ns": 0, "frame": 0, "d": fit.offset, "rms_m": fit.rms_m, "max_m": fit.max_m}
+    values: dict[str, object] = {
+        "t_ns": 0,
+        "frame": 0,
+        "d": fit.offset,
+        "rms_m": fit.rms_m,
+        "max_m": fit.max_m,
+    }
     values |= {"n_points": n_points, "n_inliers": int(fit.inliers.sum()) + extra, "evidence": evidence}
     values |= dict(zip(("nx", "ny", "nz"), fit.normal.tolist(), strict=True))
     values |= dict(zip(("origin_x", "origin_y", "origin_z"), frame.translation.tolist(), strict=True))
-    values |= dict(zip(("qx", "qy", "qz", "qw"), quaternion_from_matrix(frame.rotation).tolist(), strict=True))
+    values |= dict(
+        zip(("qx", "qy", "qz", "qw"), quaternion_from_matrix(frame.rotation).tolist(), strict=True)
+    )
     schema = TABLE_PLANE.arrow
-    row = {name: None if value != value else value for name, value in values.items()}
-    return pa.Table.from_pylist([{name: row[name] for name in schema.names}], schema=schema)
+    unknown = [name for name in ("rms_m", "max_m") if not np.isfinite(getattr(fit, name))]
+    row = {name: None if name in unknown else values[name] for name in schema.names}
+    return pa.Table.from_pylist([row], schema=schema)
 
 
 def polygon_points(keyframes: pa.Table, surface: str = "") -> Floats:
     """Vertices (n, 3) of the 3-D shapes in a ``keyframes`` table, of one object or of all; missing as NaN."""
-    keep = pc.and_(pc.equal(keyframes["dimensions"], 3), pc.is_valid(keyframes["vertex"]))
+    rows = keyframes.filter((pc.field("dimensions") == 3) & pc.field("vertex").is_valid())
     if surface:
-        keep = pc.and_(keep, pc.equal(keyframes["object_id"].cast(pa.string()), surface))
-    rows = keyframes.filter(keep)
+        rows = rows.filter(pc.field("object_id").cast(pa.string()) == surface)
     columns = [np.asarray(rows[axis].to_numpy(zero_copy_only=False), float) for axis in "xyz"]
     return np.stack(columns, -1)
 
@@ -166,4 +185,3 @@ PLANE = Stage(
     run=_run,
     optional=("keyframes", "markers_2d", "markers_3d"),
 )
-

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,11 +14,11 @@ from ecat.errors import InputError
 from ecat.geometry.boxfit import Noise
 from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
-from ecat.geometry.transforms import Floats, Rigid, quaternion_from_matrix
+from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
-from ecat.tables import POSES
+from ecat.tables import POSES, TableSchema
 
 NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "residual_px", "sigma_m", "sigma_rad")
 
@@ -40,7 +41,9 @@ def table_frame(table_plane: pa.Table) -> Rigid:
     InputError : the table has no rows.
     """
     if not table_plane.num_rows:
-        raise InputError("cannot place boxes on the table", where="table_plane has no rows", fix="fit the plane first")
+        raise InputError(
+            "cannot place boxes on the table", where="table_plane has no rows", fix="fit the plane first"
+        )
     row = table_plane.slice(table_plane.num_rows - 1).to_pylist()[0]
     quaternion = np.array([row[name] for name in ("qx", "qy", "qz", "qw")])
     return Rigid.from_quaternion(quaternion, np.array([row[f"origin_{axis}"] for axis in "xyz"]))
@@ -53,10 +56,12 @@ def estimate_poses(
     table_plane: pa.Table,
     parameters: PoseParameters | None = None,
 ) -> pa.Table:
-    """The table ``poses``: a row for every frame of ``clock`` (frame, t_ns) and every box seen in the session.
+    """The table ``poses``: a row for every frame of ``clock`` (frame, t_ns) and every box seen in the
+    session.
 
     Frames in which no face of a box is seen, or none agrees with a pose, have nulls.  3-D corners (metres,
-    ``camera/depth``) help where the 2-D corners leave the distance open, and stand alone where those are missing.
+    ``camera/depth``) help where the 2-D corners leave the distance open, and stand alone where those are
+    missing.
     """
     parameters = parameters or PoseParameters()
     faces = read_faces(markers_2d, markers_3d, parameters.camera)
@@ -64,7 +69,12 @@ def estimate_poses(
     table = table_frame(table_plane)
     found = [
         box_poses(
-            box.seen, parameters.prototypes[box.prototype], parameters.camera, table, parameters.noise, parameters.doubt
+            box.seen,
+            parameters.prototypes[box.prototype],
+            parameters.camera,
+            table,
+            noise=parameters.noise,
+            doubt=parameters.doubt,
         )
         for box in boxes
     ]
@@ -95,19 +105,27 @@ def _filled(clock: pa.Table, box: BoxSightings, poses: BoxPoses) -> ObjectPoses:
     numbers = {name: np.full(len(frames), np.nan) for name in NUMBERS}
     for name, column in columns.items():
         numbers[name][rows] = column[kept]
-    source, free, n_faces = np.zeros(len(frames), np.int64), np.zeros(len(frames), bool), np.zeros(len(frames), np.int64)
+    source, free, n_faces = (
+        np.zeros(len(frames), np.int64),
+        np.zeros(len(frames), bool),
+        np.zeros(len(frames), np.int64),
+    )
     source[rows], free[rows], n_faces[rows] = 1, poses.free[kept], poses.n_faces[kept]
     return ObjectPoses(box.object_id, numbers, source, free, n_faces)
 
 
-def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses]) -> pa.Table:
-    """The objects' poses as one table in the schema of ``poses``, sorted by frame and object."""
+def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses], schema: TableSchema = POSES) -> pa.Table:
+    """The objects' poses as one table, sorted by frame and object; ``clock`` has a row (frame, t_ns) per
+    frame.
+    """
+    if not objects:
+        return schema.arrow.empty_table()
     n, m = clock.num_rows, len(objects)
     # frame by frame, the objects in order: the transpose of object by object
     known = np.array([o.source for o in objects], np.int64).reshape(m, n).T.ravel() > 0
-    columns: dict[str, pa.Array] = {}
+    columns: dict[str, Any] = {}
     for name in ("t_ns", "frame"):
-        columns[name] = clock[name].combine_chunks().take(pa.array(np.repeat(np.arange(n), m)))
+        columns[name] = clock[name].combine_chunks().take(np.repeat(np.arange(n), m))
     columns["object_id"] = pa.array([o.object_id for o in objects] * n, pa.string())
     for name in NUMBERS:
         values = np.array([o.numbers[name] for o in objects]).reshape(m, n).T.ravel()
@@ -115,12 +133,12 @@ def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses]) -> pa.Table:
     columns["source"] = _words([o.source for o in objects], [None, "observed", "interpolated"], known)
     columns["support"] = _words([o.free.astype(np.int64) for o in objects], ["table", "free"], known)
     n_faces = np.array([o.n_faces for o in objects], np.int16).reshape(m, n).T.ravel()
-    columns["n_faces"] = pa.array(n_faces, mask=~known)
-    arrays = [columns[field.name].cast(field.type) for field in POSES.arrow]
-    return pa.Table.from_arrays(arrays, schema=POSES.arrow)
+    columns["n_faces"] = pa.array(n_faces, mask=n_faces == 0)
+    arrays = [columns[column.name].cast(column.type) for column in schema.arrow]
+    return pa.Table.from_arrays(arrays, schema=schema.arrow)
 
 
-def _words(codes: Sequence[NDArray[np.int64]], words: list[str | None], known: NDArray[np.bool_]) -> pa.Array:
+def _words(codes: Sequence[NDArray[np.int64]], words: list[str | None], known: NDArray[np.bool_]) -> Any:
     flat = np.array(codes, np.int64).reshape(len(codes), -1).T.ravel()
     return pa.array(np.array(words, dtype=object)[flat], pa.string(), mask=~known)
 

@@ -10,7 +10,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ecat.geometry.boxes import corner_order, from_leftmost, match_codes, pair_corners, project_ring
+from ecat.geometry.boxes import (
+    corner_order,
+    from_leftmost,
+    match_codes,
+    pair_corners,
+    plausible,
+    project_ring,
+)
 from ecat.geometry.boxfit import Noise, Sightings, corner_sharpness
 from ecat.geometry.cameras import Camera
 from ecat.geometry.transforms import Floats
@@ -24,8 +31,8 @@ POINTS = tuple(f"{axis}{i}" for i in range(4) for axis in "xyz")
 class Faces:
     """Marker faces as detected, row by row: rings of corners as the detector wrote them, NaN = missing.
 
-    ``frame`` (n,), ``object_id`` and ``code`` n strings, ``pixels`` (n, 4, 2), ``points`` (n, 4, 3) paired with
-    the pixels, both starting at the leftmost corner and running clockwise on the screen.
+    ``frame`` (n,), ``object_id`` and ``code`` n strings, ``pixels`` (n, 4, 2), ``points`` (n, 4, 3) paired
+    with the pixels, both starting at the leftmost corner and running clockwise on the screen.
     """
 
     frame: NDArray[np.int64]
@@ -37,19 +44,26 @@ class Faces:
 
 @dataclass(frozen=True)
 class BoxSightings:
-    """All that is seen of one object: which prototype it is, and its corners in each frame (n,) it is seen in."""
+    """All that is seen of one object: which prototype it is, and its corners in each frame (n,) it is seen
+    in.
+    """
 
     object_id: str
     prototype: int
     frame: NDArray[np.int64]
     seen: Sightings
 
+    def every(self, step: int) -> tuple[NDArray[np.int64], Sightings]:
+        """The frames whose number is a multiple of ``step``, the same for all boxes."""
+        rows = self.frame % step == 0
+        return self.frame[rows], self.seen[rows]
+
 
 def read_faces(markers_2d: pa.Table | None, markers_3d: pa.Table | None, camera: Camera) -> Faces:
     """Join the tables ``markers_2d`` and ``markers_3d`` (either may be None) by frame, object and order.
 
-    Faces with missing 2-D corners are kept when at least three of their 3-D corners are known: their projections
-    tell which corner is the leftmost (ECAT 2018 file format §0.3-0.4).
+    Faces with missing 2-D corners are kept when at least three of their 3-D corners are known: their
+    projections tell which corner is the leftmost (ECAT 2018 file format §0.3-0.4).
     """
     flat = _column_block(markers_2d, PIXELS)
     solid = _column_block(markers_3d, POINTS)
@@ -65,7 +79,7 @@ def read_faces(markers_2d: pa.Table | None, markers_3d: pa.Table | None, camera:
     pixels = np.concatenate([pixels, np.full((len(alone), 4, 2), np.nan)])
     points = np.concatenate([points, solid.values[alone].reshape(-1, 4, 3)])
     ring = np.where(np.isfinite(pixels).all(-1, keepdims=True), pixels, project_ring(points, camera))
-    known = np.isfinite(ring).all((1, 2))
+    known = plausible(ring)
     start = from_leftmost(ring)[..., None]
     pixels, points = (np.take_along_axis(corners, start, 1)[known] for corners in (pixels, points))
     kept = np.flatnonzero(known)
@@ -87,9 +101,13 @@ def _column_block(table: pa.Table | None, names: Sequence[str]) -> _Block:
     table = table.filter(pc.is_valid(table["code"]))
     columns = [table[name].to_numpy(zero_copy_only=False) for name in names]
     columns = [np.asarray(column, float) for column in columns]
-    frame, order = table["frame"].to_pylist(), table["order"].to_pylist()
-    keys = list(zip(frame, table["object_id"].to_pylist(), order, strict=True))
-    return _Block(keys, table["code"].to_pylist(), np.stack(columns, -1))
+    frame, order = table["frame"].to_numpy().tolist(), table["order"].to_numpy().tolist()
+    objects, codes = (_strings(table, name) for name in ("object_id", "code"))
+    return _Block(list(zip(frame, objects, order, strict=True)), codes, np.stack(columns, -1))
+
+
+def _strings(table: pa.Table, name: str) -> list[str]:
+    return [str(value) for value in table[name].to_pylist()]
 
 
 def box_sightings(
@@ -97,7 +115,8 @@ def box_sightings(
 ) -> list[BoxSightings]:
     """The faces sorted by object; an object is the prototype that most of its codes belong to.
 
-    A face seen twice in a frame counts once, the first (largest) one.  Objects without a known code are left out.
+    A face seen twice in a frame counts once, the first (largest) one.  Objects without a known code are left
+    out.
     """
     known = match_codes(faces.code, prototypes, mirrored=camera.mirrored)
     orders = np.stack([corner_order(k, mirrored=camera.mirrored) for k in range(4)])

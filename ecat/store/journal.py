@@ -5,6 +5,7 @@ it, and the next append removes it.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Mapping
@@ -62,9 +63,7 @@ def read_journal(session: Session, layer: str) -> list[dict[str, Any]]:
             data = files.read_bytes(path, MAX_BYTES)
     except NotFoundError:
         return []
-    lines = [line + b"\n" for line in data.split(b"\n")]
-    lines[-1] = lines[-1][:-1]
-    records = [_record(line) for line in lines]
+    records = [_record(line) for line in io.BytesIO(data)]
     if None in records[:-1]:
         raise CorruptError(
             f"cannot read {path.name}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import pyarrow as pa
@@ -100,10 +101,8 @@ def write_table(file: NewFile, name: str, table: TableData) -> int:
     ------
     SchemaError : the rows do not fit the table's schema.
     """
-    known = TABLES.get(name)
-    if known is None:
-        raise SchemaError(f"cannot write table {name}", where=f"known tables: {', '.join(TABLES)}")
-    schema = known.arrow.with_metadata({**(known.arrow.metadata or {}), **table.metadata()})
+    known = TABLES[name].arrow
+    schema = known.with_metadata({**(known.metadata or {}), **table.metadata()})
     rows = 0
     sink = pa.BufferedOutputStream(pa.PythonFile(file, mode="w"), _BUFFER)
     with sink, pq.ParquetWriter(sink, schema, **_options(name)) as writer:
@@ -113,6 +112,7 @@ def write_table(file: NewFile, name: str, table: TableData) -> int:
     return rows
 
 
+@cache
 def _options(name: str) -> dict[str, Any]:
     schema = TABLES[name].arrow
     return {

@@ -88,7 +88,7 @@ def find_sessions(path: Path | str) -> list[Path]:
     path = Path(path)
     if (path / SESSION_FILE).is_file():
         return [path]
-    found = list(_manifests(path))
+    found = list(_manifests(path)) if path.is_dir() else []
     if not found:
         why = "no session and no project in it" if path.is_dir() else "there is no such folder"
         raise NotFoundError(

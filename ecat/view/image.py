@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +12,10 @@ import pyarrow as pa
 from ecat.geometry.transforms import Floats
 from ecat.view.scene import (
     IMAGE,
-    UNOBSERVED,
     Frames,
     Scene,
     by_object,
+    dim,
     entity_part,
     finite,
     integers,
@@ -81,23 +82,17 @@ def between(kind: str, keys: list[tuple[int, Floats]]) -> Iterator[tuple[int, Fl
 
     Rectangles move linearly from key frame to key frame, other shapes stay (ECAT 2018 file format §2.11).
     """
-    for (frame, shape), (following, goal) in zip(keys, [*keys[1:], (None, None)], strict=True):
+    for (frame, shape), after in zip_longest(keys, keys[1:]):
         yield frame, shape, True
-        if (
-            kind != "rectangle"
-            or following is None
-            or goal is None
-            or shape.shape != goal.shape
-            or not len(shape)
-        ):
+        if after is None or kind != "rectangle" or not len(shape) or after[1].shape != shape.shape:
             continue
-        for at in range(frame + 1, following):
-            weight = (at - frame) / (following - frame)
-            yield at, (1 - weight) * shape + weight * goal, False
+        for at in range(frame + 1, after[0]):
+            weight = (at - frame) / (after[0] - frame)
+            yield at, (1 - weight) * shape + weight * after[1], False
 
 
 def shapes_2d(keyframes: pa.Table, objects: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Drawn shapes (tables ``keyframes``, ``objects``) in pixels of the colour image, grey where blended."""
+    """Drawn shapes (tables ``keyframes``, ``objects``) in pixels of the colour image, dark where blended."""
     import rerun as rr
 
     kinds = kind_of_objects(objects)
@@ -115,7 +110,7 @@ def shapes_2d(keyframes: pa.Table, objects: pa.Table, scene: Scene) -> Iterator[
             keyed = np.array(
                 [key for (_, _, key), line in zip(shown, lines, strict=True) if len(line)], np.bool_
             )
-            colors = np.where(keyed, rgba(thing.color), rgba(UNOBSERVED)).astype(np.uint32)
+            colors = np.where(keyed, rgba(thing.color), rgba(dim(thing.color))).astype(np.uint32)
             counts = [int(len(line) > 0) for line in lines]
             if kind == "point":
                 columns = rr.Points2D.columns(

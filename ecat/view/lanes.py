@@ -9,6 +9,7 @@ import heapq
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -95,7 +96,7 @@ def changes(spans: Iterable[tuple[int, int, str]]) -> list[tuple[int, str]]:
     found: list[tuple[int, str]] = []
     ordered = sorted(spans)
     reach = 0
-    for (start, end, state), following in zip(ordered, [*ordered[1:], None], strict=True):
+    for (start, end, state), following in zip_longest(ordered, ordered[1:]):
         same = bool(found) and found[-1][1] == state and start <= reach
         reach = max(reach, end) if same else end
         if not same:

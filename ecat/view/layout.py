@@ -41,8 +41,7 @@ def layout(
     scene: Scene,
     *,
     image_size: tuple[int, int] | None,
-    table: Floats,
-    camera_at: Floats,
+    overview: Overview | None,
 ) -> rrb.Blueprint:
     """Views for what the entity ``paths`` hold: image and space above, lanes and curves below.
 
@@ -58,7 +57,10 @@ def layout(
     top = [view for view in (_image(paths, image_size), _space(paths, overview)) if view]
     bottom = {
         name: view
-        for name, view in (("lanes", _lanes(paths, scene.timebase)), ("curves", _curves(paths)))
+        for name, view in (
+            ("lanes", _lanes(paths, scene.timebase)),
+            ("curves", _curves(paths, scene.timebase)),
+        )
         if view
     }
     shares = {"lanes": 10, "curves": 7, "texts": 5}
@@ -66,7 +68,7 @@ def layout(
         *bottom.values(), _texts(paths), column_shares=[shares[n] for n in [*bottom, "texts"]]
     )
     return rrb.Blueprint(
-        rrb.Vertical(rrb.Horizontal(*top), below, row_shares=[11, 9]) if top else below,
+        rrb.Vertical(rrb.Horizontal(*top), below, row_shares=[11, 10]) if top else below,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -131,7 +133,7 @@ def _eye(overview: Overview) -> rrb.EyeControls3D:
     target = np.append((low + high) / 2, 0.05)
     side = matrix_about_z(np.array(np.radians(35.0))) @ np.append((overview.camera_at - target)[:2], 0.0)
     side = side / max(float(np.linalg.norm(side)), 1e-6)
-    reach = 0.95 * float(np.linalg.norm(high - low)) + 0.2
+    reach = 1.05 * float(np.linalg.norm(high - low)) + 0.2
     return rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=target + reach * (np.cos(_EYE_RAD) * side + [0.0, 0.0, np.sin(_EYE_RAD)]),
@@ -147,31 +149,36 @@ def _before(**offset: Any) -> Any:
 
 
 def _lanes(paths: Sequence[str], timebase: Timebase) -> rrb.View | None:
-    import rerun as rr
     import rerun.blueprint as rrb
 
     if not _any(paths, "/events/", "/relations/", "/support/"):
         return None
     contents = ["/events/**", "/relations/**", "/support/**"]
-    # the view would start with its own idea of a range, often the first half minute
-    end = timebase.n_frames if timebase.t_ns is None else int(timebase.t_ns[-1])
-    whole = rr.TimeRange(
-        start=rrb.TimeRangeBoundary.absolute(seq=0), end=rrb.TimeRangeBoundary.absolute(seq=max(end, 1))
-    )
     return rrb.StateTimelineView(
         origin="/",
         contents=contents,
         name="Events, relations, support",
-        time_view=rrb.archetypes.TimeAxis(view_range=whole),
+        time_view=_whole(timebase),
     )
 
 
-def _curves(paths: Sequence[str]) -> rrb.Container | None:
+def _whole(timebase: Timebase) -> rrb.archetypes.TimeAxis:
+    """From the first to the last frame; left alone, a view may start with the first half minute."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    end = timebase.n_frames if timebase.t_ns is None else int(timebase.t_ns[-1])
+    ends = [rrb.TimeRangeBoundary.absolute(seq=at) for at in (0, max(end, 1))]
+    return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))
+
+
+def _curves(paths: Sequence[str], timebase: Timebase) -> rrb.Container | None:
     import rerun.blueprint as rrb
 
     views = [
         rrb.TimeSeriesView(
             origin=f"{QUALITY}/{metric}",
+            axis_x=_whole(timebase),
             name=_TITLES[metric],
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
         )

@@ -9,7 +9,17 @@ import numpy as np
 import pyarrow as pa
 
 from ecat.geometry.transforms import Floats
-from ecat.view.scene import Frames, Scene, by_object, integers, numbers, rows_per_frame, static, temporal
+from ecat.view.scene import (
+    Frames,
+    Scene,
+    Thing,
+    by_object,
+    integers,
+    numbers,
+    rows_per_frame,
+    static,
+    temporal,
+)
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
@@ -31,33 +41,38 @@ def speed(position: Floats, t_s: Floats) -> Floats:
 
 
 def quality(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """The curves of table ``poses``; a frame without a value leaves a gap."""
+    """How good the poses of table ``poses`` are; a frame without a value leaves a gap."""
     for object_id, rows in by_object(poses):
-        thing, frames = scene.thing(object_id), integers(rows, "frame")
+        frames = integers(rows, "frame")
         residual, faces, sigma = numbers(rows, "residual_px n_faces sigma_m").T
-        curves = {"residual_px": residual, "n_faces": faces, "sigma_mm": sigma * 1000}
-        if scene.timebase.t_ns is not None:
-            # missing frames must not be bridged, so the rows are spread over every frame first
-            everywhere = np.full((scene.timebase.n_frames, 3), np.nan)
-            everywhere[frames] = numbers(rows, "x y z")
-            t_s = scene.timebase.t_ns[: scene.timebase.n_frames].astype(np.float64) / 1e9
-            curves["speed_m_per_s"] = speed(everywhere, t_s)[frames]
-        for metric, values in curves.items():
-            yield from curve(
-                f"{QUALITY}/{metric}/{thing.part}", scene, frames, values, (thing.name, thing.color)
-            )
+        for metric, values in (("residual_px", residual), ("n_faces", faces), ("sigma_mm", sigma * 1000)):
+            yield from curve(metric, scene.thing(object_id), scene, frames, values)
 
 
-def curve(
-    path: str, scene: Scene, frames: Frames, values: Floats, style: tuple[str, tuple[int, int, int]]
-) -> Iterator[Chunk]:
-    """One curve with its name and colour; nothing at all where there is no value."""
+def speeds(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
+    """How fast the boxes of table ``poses`` or ``poses_smooth`` are; nothing without a clock."""
+    timebase = scene.timebase
+    if timebase.t_ns is None:
+        return
+    t_s = timebase.t_ns[: timebase.n_frames].astype(np.float64) / 1e9
+    for object_id, rows in by_object(poses):
+        frames = integers(rows, "frame")
+        # missing frames must not be bridged, so the rows are spread over every frame first
+        everywhere = np.full((timebase.n_frames, 3), np.nan)
+        everywhere[frames] = numbers(rows, "x y z")
+        yield from curve(
+            "speed_m_per_s", scene.thing(object_id), scene, frames, speed(everywhere, t_s)[frames]
+        )
+
+
+def curve(metric: str, thing: Thing, scene: Scene, frames: Frames, values: Floats) -> Iterator[Chunk]:
+    """One object's curve with its name and colour; nothing at all where there is no value."""
     import rerun as rr
 
     known = np.isfinite(values)
     if not known.any():
         return
-    name, color = style
-    yield static(path, rr.SeriesLines(names=[name], colors=[color], widths=[1.2]))
+    path = f"{QUALITY}/{metric}/{thing.part}"
+    yield static(path, rr.SeriesLines(names=[thing.name], colors=[thing.color], widths=[1.2]))
     at, counts = rows_per_frame(frames[known], scene.timebase.n_frames)
     yield temporal(path, scene.timebase, at, rr.Scalars.columns(scalars=values[known]).partition(counts))

@@ -14,17 +14,17 @@ from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
 from ecat.progress import Progress, silent
 from ecat.store import Session, staged_file
+from ecat.tables import PUBLISHED
 from ecat.view.about import about
 from ecat.view.image import border, markers_2d, shapes_2d
 from ecat.view.lanes import event_log, events, relations, supports
 from ecat.view.layout import Overview, layout
 from ecat.view.media import media
-from ecat.view.plots import quality
+from ecat.view.plots import quality, speeds
 from ecat.view.scene import Scene, integers, numbers, scene, static
 from ecat.view.sink import written_to
 from ecat.view.skeleton import skeletons
 from ecat.view.space import (
-    UPRIGHT,
     boxes,
     cameras,
     color_camera,
@@ -79,16 +79,14 @@ def log_session(session: Session, stream: RecordingStream, *, progress: Progress
     """Send a session to ``stream``: its blueprint first, then every table that is there, then the images."""
     import rerun as rr
 
-    shown = scene(session)
-    tables = {name: session.table(name).to_arrow() for name in _TABLES if session.has_table(name)}
     strict = rr.strict_mode()
     # Rerun would turn a wrong column into a warning and an empty view
     rr.set_strict_mode(True)
     try:
+        shown, tables = scene(session), _tables(session)
         chunks = list(session_chunks(session.manifest, tables, shown))
-        stream.send_blueprint(
-            _blueprint(session.manifest, tables, shown, chunks), make_active=True, make_default=True
-        )
+        views = _blueprint(session.manifest, tables, shown, chunks)
+        stream.send_blueprint(views, make_active=True, make_default=True)
         stream.send_chunks(chunks)
         for chunk in media(session, shown, progress):
             stream.send_chunks(chunk)
@@ -98,9 +96,15 @@ def log_session(session: Session, stream: RecordingStream, *, progress: Progress
 
 def blueprint(session: Session) -> Blueprint:
     """The views for what the session holds."""
-    shown = scene(session)
-    tables = {name: session.table(name).to_arrow() for name in _TABLES if session.has_table(name)}
+    shown, tables = scene(session), _tables(session)
     return _blueprint(session.manifest, tables, shown, list(session_chunks(session.manifest, tables, shown)))
+
+
+def _tables(session: Session) -> dict[str, pa.Table]:
+    """The tables to show: the published ones, empty if need be, and of the others those with rows."""
+    found = {name: session.table(name).to_arrow() for name in _TABLES if session.has_table(name)}
+    empty = {schema.name: schema.arrow.empty_table() for schema in PUBLISHED}
+    return empty | {name: table for name, table in found.items() if table.num_rows}
 
 
 def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> None:
@@ -116,7 +120,7 @@ def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> No
 
 
 def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene) -> Iterator[Chunk]:
-    """Everything of a session but its images, from the tables that are there."""
+    """Everything of a session but its images, from the published tables and those others that have rows."""
     import rerun as rr
 
     yield from world(tables.get("table_plane"), shown.timebase)
@@ -135,6 +139,7 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
     if best is not None:
         yield from boxes(best, shown)
         yield from supports(best, shown)
+        yield from speeds(best, shown)
     if "poses" in tables:
         yield from quality(tables["poses"], shown)
     yield from events(tables, shown)

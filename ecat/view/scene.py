@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -11,8 +12,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ecat.geometry.boxes import match_codes
 from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
+from ecat.model.prototype import BoxPrototype, Triple
 
 if TYPE_CHECKING:
     from rerun import ComponentColumnList, TimeColumn
@@ -83,7 +86,7 @@ class Thing:
     part: str
     name: str
     color: Rgb
-    size_m: tuple[float, float, float] | None = None
+    size_m: Triple | None = None
 
 
 @dataclass(frozen=True)
@@ -107,11 +110,14 @@ def entity_part(name: str) -> str:
 
 
 def scene(session: Session) -> Scene:
-    """Read what the whole view shares from the session's manifest, ``objects`` and ``frames``."""
+    """Read what the whole view shares from the session's manifest and small tables."""
     manifest = session.manifest
-    frames = session.table("frames").to_arrow() if session.has_table("frames") else None
-    objects = session.table("objects").to_arrow() if session.has_table("objects") else None
-    return Scene(timebase(manifest, frames), things(objects, manifest) if objects is not None else {})
+    frames, objects, marks = (
+        session.table(name).to_arrow() if session.has_table(name) else None
+        for name in ("frames", "objects", "markers_2d")
+    )
+    sizes = box_sizes(marks, manifest) if marks is not None else {}
+    return Scene(timebase(manifest, frames), things(objects, sizes) if objects is not None else {})
 
 
 def timebase(manifest: Manifest, frames: pa.Table | None) -> Timebase:
@@ -137,9 +143,23 @@ def timebase(manifest: Manifest, frames: pa.Table | None) -> Timebase:
     return Timebase(n, np.array(known, np.int64) if len(known) == len(times) else None)
 
 
-def things(objects: pa.Table, manifest: Manifest) -> dict[str, Thing]:
-    """The objects of all layers (the first layer decides on an id); sizes from prototypes of that name."""
-    sizes = {str(p.get("name")): p.get("size_m") for p in manifest.prototypes}
+def box_sizes(markers_2d: pa.Table, manifest: Manifest) -> dict[str, Triple]:
+    """Edge lengths of each object's box, metres: those of the prototype that most of its codes belong to."""
+    prototypes = [BoxPrototype.from_dict(data) for data in manifest.prototypes]
+    mirrored = any(camera.mirrored for camera in manifest.cameras)
+    pairs, counts = np.unique(
+        np.stack([texts(markers_2d, "object_id"), texts(markers_2d, "code")]), axis=1, return_counts=True
+    )
+    known = match_codes(pairs[1].tolist(), prototypes, mirrored=mirrored)
+    votes: dict[str, Counter[int]] = defaultdict(Counter)
+    for object_id, code, count in zip(*pairs.tolist(), counts.tolist(), strict=True):
+        if code in known:
+            votes[object_id][known[code][0]] += count
+    return {object_id: prototypes[found.most_common(1)[0][0]].size_m for object_id, found in votes.items()}
+
+
+def things(objects: pa.Table, sizes: Mapping[str, Triple]) -> dict[str, Thing]:
+    """The objects of all layers (the first layer decides on an id), boxes with their ``sizes``."""
     found: dict[str, Thing] = {}
     taken: set[str] = set()
     for row in objects.select(["object_id", "name"]).to_pylist():
@@ -151,9 +171,8 @@ def things(objects: pa.Table, manifest: Manifest) -> dict[str, Thing]:
         if part in taken:
             part = entity_part(f"{name}_{object_id}")
         taken.add(part)
-        size: Any = sizes.get(object_id, sizes.get(row["name"]))
         color = PALETTE[len(found) % len(PALETTE)]
-        found[object_id] = Thing(object_id, part, name, color, tuple(size) if size else None)
+        found[object_id] = Thing(object_id, part, name, color, sizes.get(object_id))
     return found
 
 
@@ -173,14 +192,17 @@ def integers(table: pa.Table, name: str) -> Frames:
 
 def texts(table: pa.Table, name: str) -> NDArray[np.str_]:
     """A column of strings (rows,), empty where null."""
-    return np.array(
-        [value or "" for value in table.column(name).cast(pa.string()).to_pylist()], dtype=np.str_
-    )
+    column = table.column(name)
+    if not pa.types.is_dictionary(column.type):
+        return np.array([value or "" for value in column.to_pylist()], dtype=np.str_)
+    coded: Any = column.unify_dictionaries().combine_chunks()
+    names = np.array([*coded.dictionary.to_pylist(), ""], dtype=np.str_)
+    return names[coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
 
 
 def finite(values: Floats) -> NDArray[np.bool_]:
     """Which rows (rows,) of ``values`` (rows, ...) have no missing number."""
-    return np.logical_and.reduce(np.isfinite(values.reshape(len(values), -1)), axis=1)
+    return np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))
 
 
 def by_object(table: pa.Table) -> Iterable[tuple[str, pa.Table]]:
@@ -228,6 +250,12 @@ def ui_points(width: float) -> float:
 def pale(color: Rgb) -> Rgb:
     """Half way to white: what was measured, beside what was concluded from it."""
     r, g, b = ((channel + 255) // 2 for channel in color)
+    return r, g, b
+
+
+def dim(color: Rgb) -> Rgb:
+    """Half way to black: what nobody drew, between what was drawn."""
+    r, g, b = (channel // 2 for channel in color)
     return r, g, b
 
 

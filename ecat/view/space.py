@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion
 from ecat.model import Camera, Manifest
 from ecat.view.image import key_shapes, kind_of_objects, outline, shape_part
+from ecat.view.media import DEPTH_STEP, reduced
 from ecat.view.scene import (
     CAMERA,
     FREE,
@@ -105,14 +106,14 @@ def camera(model: Camera, path: str, distance_m: float = 0.25) -> Iterator[Chunk
 
 
 def cameras(manifest: Manifest) -> Iterator[Chunk]:
-    """The colour camera, and the depth camera where its images are there."""
+    """The colour camera, and where there are depth images the depth camera as reduced as they are shown."""
     color = color_camera(manifest)
     if color is not None:
         yield from camera(color, IMAGE)
     for stream in manifest.streams:
         model = manifest.camera(stream.camera)
         if stream.kind == "depth" and stream.present and model is not None:
-            yield from camera(model, f"{CAMERA}/depth")
+            yield from camera(reduced(model, DEPTH_STEP), f"{CAMERA}/depth")
             return
 
 
@@ -122,24 +123,25 @@ def color_camera(manifest: Manifest) -> Camera | None:
     return next((found for name in [*names, "color"] if (found := manifest.camera(name))), None)
 
 
-def table_outline(drawn: Floats, poses: Floats, margin_m: float = 0.15) -> Floats:
+def table_outline(drawn: Floats, poses: Floats, margin_m: float = 0.1) -> Floats:
     """A convex ring (n, 2) in the ``table`` frame, metres, to draw the table by, anticlockwise from above.
 
-    Around the corners (n, 3) that were ``drawn`` on the table if there are three, else around where the
-    boxes' centres ``poses`` (n, 3) were, else half a metre around the origin.
+    Around the corners (n, 3) that were ``drawn`` on the table and the boxes' centres ``poses`` (n, 3); if
+    there is neither, half a metre around the origin.
     """
     import cv2
 
     on_table = drawn[np.abs(drawn[:, 2]) < _NEAR_PLANE_M][:, :2]
-    flat = poses[np.isfinite(poses).all(-1)][:, :2]
-    if len(on_table) < 3:
+    flat = poses[finite(poses)][:, :2]
+    if len(flat):
         # a box that was thrown or misread must not stretch the table to the next room
-        low, high = (
-            np.percentile(flat, [1, 99], axis=0) if len(flat) else (np.full(2, -0.35), np.full(2, 0.35))
-        )
-        (x0, y0), (x1, y1) = low - margin_m, high + margin_m
-        on_table = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    return cv2.convexHull(on_table.astype(np.float32), clockwise=False)[:, 0].astype(float)
+        low, high = np.percentile(flat, [1, 99], axis=0)
+        flat = flat[((flat >= low) & (flat <= high)).all(axis=1)]
+    elif not len(on_table):
+        flat = np.zeros((1, 2))
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (margin_m if len(flat) > 1 else 0.5)
+    points = np.concatenate([on_table, (flat[:, None] + square).reshape(-1, 2)])
+    return cv2.convexHull(points.astype(np.float32), clockwise=False)[:, 0].astype(float)
 
 
 def table_surface(ring: Floats) -> Iterator[Chunk]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _LOOPBACK = "127.0.0.1"
 _PATIENCE_S = 30.0
 # the viewer reads whether it may report usage from the user's settings folder; this one says no
-_SETTINGS = Path(__file__).parent / "settings"
+SETTINGS = Path(__file__).parent / "settings"
 
 
 def open_viewer(session: Session, *, progress: Progress = silent) -> None:
@@ -28,15 +28,21 @@ def open_viewer(session: Session, *, progress: Progress = silent) -> None:
 
     Raises
     ------
-    UsageError : no window can be opened here (no display).
+    UsageError : there is no display, or the window closed before it had everything.
     """
-    process, url = spawn_viewer()
+    # the viewer would first listen, and only then find out that it cannot open a window
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise _no_viewer("there is no display here")
+    _, url = spawn_viewer()
     stream = recording(session)
     stream.connect_grpc(url)
-    log_session(session, stream, progress=progress)
-    stream.flush()
-    stream.disconnect()
-    del process
+    try:
+        log_session(session, stream, progress=progress)
+        stream.flush()
+    except RuntimeError as error:
+        raise _no_viewer(f"the window went away: {error}") from error
+    finally:
+        stream.disconnect()
 
 
 def spawn_viewer(*options: str, **environment: str) -> tuple[subprocess.Popen[bytes], str]:
@@ -44,7 +50,7 @@ def spawn_viewer(*options: str, **environment: str) -> tuple[subprocess.Popen[by
 
     Raises
     ------
-    UsageError : it ended, or did not listen within half a minute; with the last words of the viewer.
+    UsageError : it ended, or did not listen within half a minute.
     """
     with socket.socket() as probe:
         probe.bind((_LOOPBACK, 0))
@@ -61,7 +67,7 @@ def spawn_viewer(*options: str, **environment: str) -> tuple[subprocess.Popen[by
     ]
     process = subprocess.Popen(
         [*command, *options],
-        env={**os.environ, "XDG_CONFIG_HOME": str(_SETTINGS), "RERUN_APP_ONLY": "true", **environment},
+        env={**os.environ, "XDG_CONFIG_HOME": str(SETTINGS), "RERUN_APP_ONLY": "true", **environment},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -74,11 +80,14 @@ def spawn_viewer(*options: str, **environment: str) -> tuple[subprocess.Popen[by
                 return process, f"rerun+http://{_LOOPBACK}:{port}/proxy"
         time.sleep(0.1)
     process.kill()
-    raise UsageError(
+    ended = process.returncode
+    raise _no_viewer("it did not start in time" if ended is None else f"it ended with code {ended}")
+
+
+def _no_viewer(why: str) -> UsageError:
+    return UsageError(
         "cannot open the Rerun viewer",
-        where=f"it ended with code {process.returncode}"
-        if process.returncode
-        else "it did not start in time",
+        where=why,
         consequence="nothing was shown",
         fix="ecat view SESSION --save FILE.rrd, then open the file where there is a display",
     )

@@ -9,6 +9,7 @@ import pytest
 
 from ecat.check import examine
 from ecat.model import KeyFrame, Link, Role, Segment
+from ecat.model.scheme import ECAT_2018_SCHEME
 
 if TYPE_CHECKING:
     from conftest import Case
@@ -130,6 +131,13 @@ def test_relations_that_the_coding_scheme_does_not_allow(case: Case) -> None:
 def test_a_coding_scheme_that_is_not_known_is_not_held_against_anyone(case: Case) -> None:
     case.schemes.clear()
     case.change_event(1, type="hop", tier="gesture")
+    assert codes(case) == []
+
+
+def test_users_of_ecat_had_their_own_predicates(case: Case) -> None:
+    case.layer = replace(case.layer, scheme="ecat-2018")
+    case.schemes["ecat-2018"] = replace(ECAT_2018_SCHEME, tiers=())
+    case.change_relation(0, predicate="FLOATS")
     assert codes(case) == []
 
 

@@ -13,6 +13,8 @@ import pytest
 from ecat.check import Finding, check, repair
 from ecat.errors import NotFoundError
 from ecat.model import AnnotatedObject, Layer, Manifest, ProjectManifest, Stream
+from ecat.process.graph import input_hashes
+from ecat.stages import STAGES
 from ecat.store import Draft, TableData, create_project, create_session, open_session
 
 if TYPE_CHECKING:
@@ -36,9 +38,15 @@ def project(tmp_path: Path, case: Case) -> Path:
         files={"color": video},
     )
     session = create_session(tmp_path / "project" / "Session1", draft)
-    inputs = {name: session.manifest.table(name).sha256 for name in ("markers_2d", "markers_3d")}  # pyright: ignore[reportOptionalMemberAccess]
+    stage = next(stage for stage in STAGES if "poses" in stage.outputs)
+    poses = TableData(
+        data=case.tables["poses"],
+        stage=stage.name,
+        stage_version=str(stage.version),
+        inputs=input_hashes(session, stage),
+    )
     with session.write() as commit:
-        commit.put_table("poses", TableData(data=case.tables["poses"], stage="poses", inputs=inputs))
+        commit.put_table("poses", poses)
     other = Layer(objects=(AnnotatedObject(id="o7"),))
     create_session(
         tmp_path / "project" / "Other",
@@ -166,7 +174,7 @@ def test_a_damaged_table_of_a_stage_says_how_to_make_it_anew(session: Path) -> N
     (session / "tables/poses.parquet").write_bytes(b"PAR1")
     finding = only(check(session))
     assert (finding.code, finding.repair) == ("table-damaged", "")
-    assert finding.message.endswith("make it anew: ecat process --stage poses --force")
+    assert finding.message.endswith("make it anew: ecat process --stage pose --force")
 
 
 def test_damage_that_hides_in_the_middle_of_a_table_is_found_by_reading_it(session: Path) -> None:
@@ -202,7 +210,7 @@ def test_a_table_made_from_an_older_table_is_stale(session: Path, case: Case) ->
         commit.put_table("markers_2d", TableData(data=case.tables["markers_2d"]))
     finding = only(check(session))
     assert (finding.severity, finding.code, finding.place) == ("warning", "table-stale", "table poses")
-    assert finding.message == "stage poses made it from an older markers_2d; run ecat process"
+    assert finding.message == "it was made from an older markers_2d; run ecat process"
 
 
 def test_files_that_an_interrupted_write_left_behind_are_removed(session: Path) -> None:
@@ -215,14 +223,31 @@ def test_files_that_an_interrupted_write_left_behind_are_removed(session: Path) 
     assert check(session) == []
 
 
-def test_sessions_that_an_interrupted_import_left_behind_are_removed(project: Path) -> None:
-    leftover = project / ".Session2.0123456789abcdef.partial"
+@pytest.mark.parametrize("name", ["Session2", "Session1"])
+def test_sessions_that_an_interrupted_import_left_behind_are_removed(project: Path, name: str) -> None:
+    leftover = project / f".{name}.0123456789abcdef.partial"
     leftover.mkdir()
     (leftover / "session.json").write_text("{", "utf-8")
     finding = only(check(project))
     assert (finding.code, finding.session, finding.place) == ("leftover", ".", leftover.name)
     repair(project, [finding])
     assert not leftover.exists()
+
+
+def test_leftovers_deep_in_a_workspace_are_removed(project: Path) -> None:
+    leftover = project / ".Session2.0123456789abcdef.partial"
+    leftover.mkdir()
+    finding = only(check(project.parent))
+    assert finding.session == "project"
+    repair(project.parent, [finding])
+    assert check(project.parent) == []
+
+
+def test_a_project_manifest_that_cannot_be_read(project: Path) -> None:
+    (project / "project.json").write_text('{"kind": "heap", "name": "x", "created": ""}', "utf-8")
+    finding = only(check(project))
+    assert (finding.code, finding.place) == ("project-unreadable", "project.json")
+    assert finding.message.startswith("kind: ")
 
 
 def test_an_interrupted_commit_is_finished_and_noted(session: Path) -> None:

@@ -122,6 +122,41 @@ def test_a_marker_that_jumps_across_the_image_is_found(case: Case) -> None:
     assert finding.message == "a marker jumps by more than 4 of its sides into frame 30, 31"
 
 
+def repeat(case: Case, first: int, length: int) -> None:
+    """Let the marks of frames from ``first + length`` on be those of ``length`` frames before."""
+
+    def copy(columns: dict[str, Any]) -> None:
+        for name, cells in columns.items():
+            if name[0] in "uv":
+                cells[2 * (first + length) : 2 * (first + 2 * length)] = cells[
+                    2 * first : 2 * (first + length)
+                ]
+
+    case.change("markers_2d", copy)
+
+
+def test_frames_that_a_recorder_wrote_twice_are_found(case: Case) -> None:
+    repeat(case, 20, 3)
+    repeat(case, 70, 5)
+    (finding,) = examine(case.patient)
+    assert (finding.severity, finding.code) == ("warning", "frame-repeat")
+    assert (
+        finding.message
+        == "8 frames repeat earlier ones exactly while things move: stretches from frame 23, 75"
+    )
+
+
+def test_two_frames_that_look_like_those_before_may_be_chance(case: Case) -> None:
+    repeat(case, 20, 2)
+    assert codes(case) == []
+
+
+def test_things_that_stand_still_look_the_same(case: Case) -> None:
+    case.keep("markers_2d", lambda row: row["object_id"] == "o2")
+    case.keep("markers_3d", lambda row: row["object_id"] == "o2")
+    assert codes(case) == []
+
+
 def test_a_box_that_moves_faster_than_hands_is_found(case: Case) -> None:
     def jump(columns: dict[str, Any]) -> None:
         columns["z"][61] += 0.5

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import click
 import pytest
 
-from ecat.cli import app
 from ecat.cli.output import Output
 from ecat.cli.verb import verb
 from ecat.errors import FormatError
@@ -211,7 +210,9 @@ def plugins(monkeypatch: pytest.MonkeyPatch) -> None:
         return 7
 
     points = [FakePoint("learn", learn), FakePoint("broken", None), FakePoint("info", learn)]
-    monkeypatch.setattr(app, "entry_points", lambda *, group: points if group == "ecat.cli" else [])
+    monkeypatch.setattr(
+        "importlib.metadata.entry_points", lambda *, group: points if group == "ecat.cli" else []
+    )
 
 
 @pytest.mark.usefixtures("plugins")

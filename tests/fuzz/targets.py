@@ -28,8 +28,10 @@ from ecat.formats.ecat2018.coordinate_mapping import (
     write_coordinate_mapping,
 )
 from ecat.formats.ecat2018.depth_file import DepthFile, write_depth_file
+from ecat.formats.ecat2018.files_param import read_files_param
 from ecat.formats.ecat2018.glyphs import code_of, read_glyph, write_glyph
 from ecat.formats.ecat2018.learning_export import read_learning_export, write_learning_export
+from ecat.formats.ecat2018.mark_tables import mark_batches
 from ecat.formats.ecat2018.options import (
     Exclusive,
     Options,
@@ -91,13 +93,30 @@ def xml_stream(data: bytes) -> None:
     drain(iterparse_safe(data, tags=("a", "b"), what="cannot read it"))
 
 
-def depth(data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(suffix=".dep") as file:
-        file.write(data)
-        file.flush()
-        with DepthFile(Path(file.name)) as opened:
-            for i in range(min(len(opened), 8)):
-                opened.frame(i)
+def from_path(read: Callable[[Path], object]) -> Callable[[bytes], None]:
+    """A reader that wants a path."""
+
+    def run(data: bytes) -> None:
+        with tempfile.NamedTemporaryFile() as file:
+            file.write(data)
+            file.flush()
+            read(Path(file.name))
+
+    return run
+
+
+def depth(path: Path) -> None:
+    with DepthFile(path) as opened:
+        for i in range(min(len(opened), 8)):
+            opened.frame(i)
+
+
+def files_param(path: Path) -> None:
+    for skip_bad_markers in (True, False):
+        said = read_files_param(path, skip_bad_markers=skip_bad_markers)
+        for groups in (said.faces_2d, said.faces_3d):
+            if groups:
+                drain(mark_batches(groups, said.book, said.clock, said.n_frames))
 
 
 def _depth_seed() -> bytes:
@@ -139,6 +158,27 @@ _EXPORT = (
     '<event start="0" end="20">Subject,None,Theme,pulls,From</event></events></session>'
     '<session name="b"/></project>'
 ).encode()
+_FACE = "<face>\n<bounding>1,2,3,4,5,6,7,8</bounding>\n<code>1 ,0 ,0 ,1 </code>\n</face>\n"
+_FACE_3D = _FACE.replace("1,2,3,4,5,6,7,8", "1,2,3,4,5,6,7,8,9,-∞,-∞,-∞")
+_OBJECT = (
+    'filename="C:\\a.avi" objectType="3D" generate="TRACKED" color="-65536" borderSize="1" semanticType=""'
+)
+_FILES_PARAM = (
+    '<session name="s" length="9" duration="300" startWriteRGB="2017-10-04T22:35:30.583746Z">\n'
+    '<files>\n<file>a.avi</file>\n</files>\n<objects no="2">\n'
+    f'<object id="o1" name="Shell" {_OBJECT} shape="Annotator.GlyphBoxObject">\n<markers>\n'
+    f'<marker type="LOCATION" frame="0" glyphSize="2">\n{_FACE}</marker>\n</markers>\n<markers3d>\n'
+    f'<marker frame="0" glyphSize="2">\n{_FACE_3D}</marker>\n</markers3d>\n</object>\n'
+    f'<object id="o2" name="man" {_OBJECT} shape="Rectangle">\n<markers>\n'
+    '<marker type="LOCATION" frame="0">1,2,3E-05,4</marker>\n<marker type="DELETE" frame="3" />\n</markers>\n'
+    '<links><link frame="1"><linkTo otherSession="t" id="o1" q="False" type="LOOK_AT" /></link></links>\n'
+    '</object>\n</objects>\n<annotations>\n<annotation id="a1">\n<duration startFrame="0" endFrame="8" />\n'
+    '<text>Slide</text>\n<refs><ref start="0" end="5" refTo="o1" /></refs>\n'
+    '<events><event start="0" end="5" semanticType="Slide" /></events>\n'
+    '<link><linkTo id="a1" type="CAUSE(X,Y)" /></link>\n</annotation>\n</annotations>\n<predicates>\n'
+    '<predicate frame="0" arguments="2" ids="o1,t/o2" q="True" type="IDENTITY(X,Y)" />\n'
+    "</predicates>\n</session>"
+).encode()
 _MAPPING = CoordinateMapping(np.ones((2, 3, 2), np.float32), np.full((2, 3, 2), 2, np.float32))
 
 TARGETS: dict[str, Target] = {
@@ -149,7 +189,8 @@ TARGETS: dict[str, Target] = {
     "coordinate_mapping": Target(
         stable(read_coordinate_mapping, write_coordinate_mapping), (write_coordinate_mapping(_MAPPING),)
     ),
-    "depth_file": Target(depth, (_depth_seed(), _depth_seed()[:-9])),
+    "depth_file": Target(from_path(depth), (_depth_seed(), _depth_seed()[:-9])),
+    "files_param": Target(from_path(files_param), (_FILES_PARAM,)),
     "glyphs": Target(stable(read_glyph, write_glyph), (write_glyph(code_of(5)),)),
     "learning_export": Target(
         lambda data: drain(write_learning_export(read_learning_export(data))), (_EXPORT,)

@@ -64,8 +64,15 @@ def test_a_missing_file_and_a_huge_one_are_refused(tmp_path: Path) -> None:
         read_prototypes(tmp_path / "huge.json")
 
 
-@given(st.recursive(st.none() | st.booleans() | st.floats() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x)))
-def test_any_json_gives_prototypes_or_one_error(tmp_path_factory: pytest.TempPathFactory, value: object) -> None:
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(),
+        lambda x: st.lists(x) | st.dictionaries(st.text(), x),
+    )
+)
+def test_any_json_gives_prototypes_or_one_error(
+    tmp_path_factory: pytest.TempPathFactory, value: object
+) -> None:
     path = tmp_path_factory.mktemp("any") / "boxes.json"
     path.write_text(json.dumps({"version": 1, "boxes": [value]}))
     try:

@@ -12,8 +12,10 @@ from ecat.sample import GroundTruth
 from ecat.store import Draft
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
+    """The session and its truth."""
+
     draft: Draft
     truth: GroundTruth
 

@@ -14,18 +14,23 @@ from ecat.store.commit import Commit
 from ecat.tables import TABLES
 
 MANIFEST = Manifest(
-    name="session", created="2020-01-01T00:00:00", n_frames=2400, clock=Clock(rule="uniform", duration_ns=80_000_000_000)
+    name="session",
+    created="2020-01-01T00:00:00",
+    n_frames=2400,
+    clock=Clock(rule="uniform", duration_ns=80_000_000_000),
 )
 
 
 def layer(number: int = 0, name: str = "main") -> Layer:
     """A layer whose event says ``number``."""
     event = Event(id="e1", text=str(number), segments=(Segment(start_frame=10, end_frame=20),))
-    return Layer(name=name, objects=(AnnotatedObject(id="o1", name="box", kind="marker_box"),), events=(event,))
+    return Layer(
+        name=name, objects=(AnnotatedObject(id="o1", name="box", kind="marker_box"),), events=(event,)
+    )
 
 
 def rows(name: str, n: int, number: int = 0) -> pa.Table:
-    """``n`` rows of the table called ``name``: one per frame, 30 a second, ``number`` wherever there is room for it."""
+    """``n`` rows of the table called ``name``, one per frame, 30 a second, telling ``number``."""
     schema = TABLES[name].arrow
     columns = []
     for field in schema:
@@ -34,7 +39,9 @@ def rows(name: str, n: int, number: int = 0) -> pa.Table:
         elif field.name == "frame":
             columns.append(pa.array(np.arange(n, dtype=np.int32)))
         elif pa.types.is_dictionary(field.type):
-            columns.append(pa.array(np.full(n, f"{field.name}{number}", dtype=object), pa.string()).dictionary_encode())
+            columns.append(
+                pa.array(np.full(n, f"{field.name}{number}", dtype=object), pa.string()).dictionary_encode()
+            )
         elif pa.types.is_floating(field.type):
             columns.append(pa.array(np.random.default_rng(number).normal(size=n)))
         elif pa.types.is_boolean(field.type):
@@ -42,7 +49,10 @@ def rows(name: str, n: int, number: int = 0) -> pa.Table:
         elif pa.types.is_integer(field.type):
             columns.append(pa.array(np.full(n, number % 128)).cast(field.type))
         else:
-            columns.append(pa.nulls(n, field.type))
+            value = {pa.string(): "text", pa.list_(pa.string()): ["a", "b"]}.get(
+                field.type, [("key", "value")]
+            )
+            columns.append(pa.array([value] * n, field.type))
     return pa.table(columns, schema=schema)
 
 

@@ -52,7 +52,9 @@ def test_a_line_longer_than_a_block_is_whole(session: Session, monkeypatch: pyte
 
 @given(cut=st.integers(0, 200))
 @settings(max_examples=40, deadline=None)
-def test_a_cut_anywhere_loses_only_the_records_behind_it(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+def test_a_cut_anywhere_loses_only_the_records_behind_it(
+    tmp_path_factory: pytest.TempPathFactory, cut: int
+) -> None:
     session = make(tmp_path_factory.mktemp("cut") / "session")
     for record in RECORDS:
         append_journal(session, "main", record)

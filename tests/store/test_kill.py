@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ecat.errors import EcatError, LockedError, StaleError
+from ecat.errors import StaleError
 from ecat.store import Session, leftovers, open_session, read_journal, remove_leftovers
 from tests.store.conftest import Writers
 from tests.store.sessions import make, number_at, number_of
@@ -21,7 +21,7 @@ KILLS = int(os.environ.get("ECAT_TEST_KILLS", "60"))
 
 
 def kill_after(writers: Writers, chance: random.Random, *words: object) -> list[int]:
-    """Let a process write a few times, kill it a little later, and return the numbers that it had acknowledged."""
+    """Let a process write, kill it soon after, and return the numbers that it had acknowledged."""
     answers = writers.start("loop", *words)
     pid = int(next(answers).split()[1])
     lines = [next(answers).split() for _ in range(chance.randrange(3))]
@@ -44,7 +44,11 @@ def test_a_commit_killed_at_a_random_instant_is_whole_or_absent(session: Session
     assert last > 0
     assert all(path.name.endswith(".new") for path in leftovers(session.path))
     remove_leftovers(session.path)
-    assert {path.name for path in session.path.iterdir()} - {"session.lock"} == {"annotations", "session.json", "tables"}
+    assert {path.name for path in session.path.iterdir()} - {"session.lock"} == {
+        "annotations",
+        "session.json",
+        "tables",
+    }
     assert not list(session.path.rglob(".*"))
 
 

@@ -66,7 +66,11 @@ def test_the_store_keeps_the_records_itself(tmp_path: Path) -> None:
 def test_records_say_what_made_a_table(tmp_path: Path) -> None:
     parameters: dict[str, object] = {"threshold_px": 1.5}
     data = TableData(
-        data=rows("poses", 3), stage="pose", stage_version="2", parameters=parameters, inputs={"markers_2d": "ab"}
+        data=rows("poses", 3),
+        stage="pose",
+        stage_version="2",
+        parameters=parameters,
+        inputs={"markers_2d": "ab"},
     )
     session = create_session(tmp_path / "session", Draft(manifest=MANIFEST, tables={"poses": data}))
     record = session.manifest.table("poses")
@@ -92,7 +96,7 @@ def test_published_tables_carry_the_hash_of_their_xml(session: Session) -> None:
     assert sha256.encode() in session.events.to_arrow().schema.metadata[b"ecat.inputs"]
 
 
-# ---------------------------------------------------------------------------------------------------- creating
+# --------------------------------------------------------------------------------------------------- creating
 
 
 def test_streams_are_copied_with_their_size_and_hash(tmp_path: Path) -> None:
@@ -160,7 +164,7 @@ def test_a_draft_that_breaks_the_schema_leaves_nothing(tmp_path: Path) -> None:
         assert list(tmp_path.iterdir()) == []
 
 
-# ----------------------------------------------------------------------------------------------------- opening
+# ---------------------------------------------------------------------------------------------------- opening
 
 
 def test_opening_reads_the_manifest_and_nothing_else(session: Session) -> None:
@@ -197,7 +201,7 @@ def test_a_manifest_that_is_too_large_is_not_read(session: Session, monkeypatch:
         open_session(session.path)
 
 
-# ----------------------------------------------------------------------------------------------------- reading
+# ---------------------------------------------------------------------------------------------------- reading
 
 
 def test_a_missing_table_names_the_stage_that_makes_it(session: Session) -> None:
@@ -229,7 +233,7 @@ def test_a_table_of_another_kind_or_length_is_corrupt(tmp_path: Path, session: S
     shutil.copy(other.path / "tables/poses.parquet", file)
     with pytest.raises(CorruptError, match="40 rows, expected 30"):
         session.poses.to_arrow()
-    os.unlink(file)
+    file.unlink()
     with pytest.raises(NotFoundError, match=r"poses\.parquet"):
         session.poses.to_arrow()
     os.mkfifo(file)
@@ -239,8 +243,8 @@ def test_a_table_of_another_kind_or_length_is_corrupt(tmp_path: Path, session: S
 
 def test_a_link_out_of_the_session_is_not_followed(tmp_path: Path, session: Session) -> None:
     for name, read in (
-        ("tables", lambda: session.poses.to_arrow()),
-        ("annotations", lambda: session.layer()),
+        ("tables", session.poses.to_arrow),
+        ("annotations", session.layer),
         ("tables", lambda: write(session, 1)),
     ):
         outside = tmp_path / f"outside_{name}"
@@ -263,7 +267,7 @@ def test_rows_of_an_xml_that_was_edited_by_hand_are_not_served(session: Session)
     assert session.poses.num_rows == 30
 
 
-# ------------------------------------------------------------------------------------------------- two revisions
+# ---------------------------------------------------------------------------------------------- two revisions
 
 
 def test_a_session_object_has_its_own_commits(session: Session) -> None:
@@ -277,7 +281,12 @@ def test_what_another_commit_replaced_is_stale_until_refreshed(session: Session)
     reader = open_session(session.path)
     view = reader.poses
     write(session, 1)
-    for read in (view.to_arrow, lambda: reader.poses.to_arrow(), reader.layer, lambda: reader.events.to_arrow()):
+    for read in (
+        view.to_arrow,
+        reader.poses.to_arrow,
+        reader.layer,
+        reader.events.to_arrow,
+    ):
         with pytest.raises(StaleError, match="opened at revision 1, now at 2"):
             read()
     assert number_of(reader.refresh()) == 1

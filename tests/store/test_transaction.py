@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 from ecat.errors import CorruptError, DiskError, EcatError, ReadOnlyError
-from ecat.store import Session, files, leftovers, open_session, remove_leftovers
+from ecat.model import ProjectManifest
+from ecat.store import Session, create_project, files, leftovers, open_project, open_session, remove_leftovers
 from ecat.store.transaction import COMMIT_FILE
 from tests.store.conftest import Steps
-from tests.store.sessions import number_at, number_of, write
+from tests.store.sessions import make, number_at, number_of, write
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -42,8 +43,7 @@ def test_a_commit_bumps_the_revision_and_leaves_nothing_else(session: Session) -
 def test_an_exception_in_the_block_writes_nothing(session: Session) -> None:
     before = contents(session.path)
     with pytest.raises(ZeroDivisionError), session.write() as commit:
-        commit.put_prototypes([{"name": "box"}])
-        raise ZeroDivisionError
+        commit.put_prototypes([{"name": str(1 // 0)}])
     assert contents(session.path) == before
 
 
@@ -63,18 +63,18 @@ def test_an_error_at_any_step_leaves_the_old_state_or_a_noted_new_one(session: S
         fill(session.path, old)
         steps.count, steps.fail_at = 0, step
         steps.error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(session.path))
+        message = ""
         try:
             write(open_session(session.path), 1)
         except DiskError as error:
-            noted = (session.path / COMMIT_FILE).exists()
-            assert ("noted and will be finished" in str(error)) == noted
-            if not noted:
-                assert contents(session.path) == old
-        else:
+            message = str(error)
+        steps.fail_at = None
+        if not message:
             assert steps.count <= step
             break
-        finally:
-            steps.fail_at = None
+        noted = (session.path / COMMIT_FILE).exists()
+        assert ("noted and will be finished" in message) == noted
+        assert noted or contents(session.path) == old
         outcomes.append(number_at(session.path))
         assert leftovers(session.path) == []
     assert outcomes == sorted(outcomes)
@@ -91,71 +91,88 @@ def test_no_permission_is_a_typed_error_and_writes_nothing(session: Session, ste
 
 
 class Disk:
-    """What is on the disk for certain: content that was synced, and names that were in a folder when it was synced.
+    """What is on the disk for certain: content that was synced, and names that a folder had when it was.
 
-    At every step, the power may fail: each folder then has its synced names or its present ones, and files that were
-    not synced are empty.
+    At every step, the power may fail: each folder then has its synced names or its present ones, and files
+    that were not synced are empty.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, root: Path) -> None:
+        self.root = root
         self.content: dict[int, bytes] = {}
-        self.names: dict[Path, dict[str, int]] = {}
-        for path in (folder, *folder.rglob("*")):
+        self.names: dict[int, dict[str, int]] = {}
+        for path in (root, *root.rglob("*")):
             self.sync(path)
         self.seen: set[tuple[tuple[str, bytes], ...]] = set()
 
     def sync(self, path: Path) -> None:
         """Note what a sync of ``path`` makes certain."""
+        inode = path.stat().st_ino
         if path.is_dir():
-            self.names[path] = self.present(path)
+            self.names[inode] = {inner.name: inner.stat().st_ino for inner in path.iterdir()}
         else:
-            self.content[path.stat().st_ino] = path.read_bytes()
-
-    def present(self, folder: Path) -> dict[str, int]:
-        """The names in ``folder``, with the files that they name."""
-        return {path.name: path.stat().st_ino for path in folder.iterdir() if path.is_file()}
+            self.content[inode] = path.read_bytes()
 
     def after_power_failure(self) -> Iterator[dict[str, bytes]]:
         """What may be found, as far as it was not seen before."""
-        choices = [
-            [{folder / name: inode for name, inode in names.items()} for names in (synced, self.present(folder))]
-            for folder, synced in self.names.items()
-        ]
-        for choice in itertools.product(*choices):
-            found = {
-                str(path.relative_to(self.folder)): self.content.get(inode, b"")
-                for names in choice
-                for path, inode in names.items()
-            }
+        folders = [path for path in (self.root, *self.root.rglob("*")) if path.is_dir()]
+        choices = {inode: [names] for inode, names in self.names.items()}
+        for folder in folders:
+            present = {path.name: path.stat().st_ino for path in folder.iterdir()}
+            choices.setdefault(folder.stat().st_ino, [{}]).append(present)
+        for choice in itertools.product(*choices.values()):
+            found = dict(self.walk(self.root.stat().st_ino, dict(zip(choices, choice, strict=True)), ""))
             key = tuple(sorted(found.items()))
             if key not in self.seen:
                 self.seen.add(key)
                 yield found
 
+    def walk(self, folder: int, names: dict[int, dict[str, int]], prefix: str) -> Iterator[tuple[str, bytes]]:
+        """Every file below ``folder``, where folders have these names in them."""
+        for name, inode in names[folder].items():
+            if inode in names:
+                yield from self.walk(inode, names, f"{prefix}{name}/")
+            else:
+                yield prefix + name, self.content.get(inode, b"")
 
+
+@pytest.mark.parametrize("action", ["create", "commit", "project"])
 def test_a_power_failure_at_any_step_leaves_the_old_state_or_the_new_one(
-    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, action: str
 ) -> None:
-    disk = Disk(session.path)
+    place = tmp_path / "place"
+    place.mkdir()
+    session = make(place / "s") if action == "commit" else None
+    disk = Disk(place)
     before: list[dict[str, bytes]] = []
 
-    def step(action: str, path: Path) -> None:
+    def step(what: str, path: Path) -> None:
         before.extend(disk.after_power_failure())
-        if action == "sync":
+        if what == "sync":
             disk.sync(path)
 
     monkeypatch.setattr(files, "step", step)
-    write(session, 1)
+    if session:
+        write(session, 1)
+    elif action == "create":
+        make(place / "s", 1)
+    else:
+        create_project(place / "s", ProjectManifest(name="s", created="2020-01-01T00:00:00"))
     disk.seen.clear()
     after = list(disk.after_power_failure())
     monkeypatch.undo()
 
     numbers = itertools.count()
-    found = [number_at(fill(tmp_path / f"found{next(numbers)}", content)) for content in before]
-    assert len(found) > 50
-    assert set(found) == {0, 1}
-    assert {number_at(fill(tmp_path / f"found{next(numbers)}", content)) for content in after} == {1}
+
+    def outcome(found: dict[str, bytes]) -> int:
+        path = fill(tmp_path / f"found{next(numbers)}", found) / "s"
+        if not path.exists():
+            return 0
+        return number_at(path) if action != "project" else len([open_project(path)])
+
+    assert len(before) >= 5
+    assert {outcome(found) for found in before} == {0, 1}
+    assert {outcome(found) for found in after} == {1}
 
 
 def interrupted(session: Session, steps: Steps) -> Path:
@@ -183,7 +200,9 @@ def test_a_session_object_finishes_it_too(session: Session, steps: Steps) -> Non
     assert number_of(session.refresh()) == 2
 
 
-def test_the_next_writer_finishes_it_first_and_is_told_that_it_is_late(session: Session, steps: Steps) -> None:
+def test_the_next_writer_finishes_it_first_and_is_told_that_it_is_late(
+    session: Session, steps: Steps
+) -> None:
     interrupted(session, steps)
     with pytest.raises(EcatError, match="as it was opened"):
         write(session, 3)

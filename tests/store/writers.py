@@ -1,10 +1,10 @@
-"""A process that makes processes that write, so that the tests can kill them: ``python -m tests.store.writers``.
+"""A process that makes processes that write, for the tests to kill: ``python -m tests.store.writers``.
 
-Forking from one that has imported everything takes milliseconds where a new interpreter takes a second.  Commands come one
-a line; every answer is one line, the last of a command ``end``.
+Forking from one that has imported everything takes milliseconds where a new interpreter takes a second.
+Commands come one a line; every answer is one line, the last of a command ``end``.
 
     once <step> <action> <path>     do it, dying by SIGKILL before step number <step>
-    loop <action> <path>            answer ``pid <n>``, then do it again and again with an ``ack <number>`` for each
+    loop <action> <path>            answer ``pid <n>``, then do it for ever, with an ``ack <number>`` each
     limit <bytes> <action> <path>   do it where no file may grow beyond so many bytes
     both <n> <path>                 two processes add one to the session's number, <n> times each
 """
@@ -99,11 +99,21 @@ def answer(command: str, arguments: list[str]) -> None:
     path = Path(arguments[-1])
     if command == "once":
         step, action = int(arguments[0]), arguments[1]
-        pids = [child(lambda: (die_before(step), ACTIONS[action](path), say("done")) and None)]
+
+        def once() -> None:
+            die_before(step)
+            ACTIONS[action](path)
+            say("done")
+
+        pids = [child(once)]
     elif command == "limit":
         limit, action = int(arguments[0]), arguments[1]
-        size = (limit, resource.RLIM_INFINITY)
-        pids = [child(lambda: (resource.setrlimit(resource.RLIMIT_FSIZE, size), ACTIONS[action](path)) and None)]
+
+        def limited() -> None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+            ACTIONS[action](path)
+
+        pids = [child(limited)]
     elif command == "loop":
         action = ACTIONS[arguments[0]]
 

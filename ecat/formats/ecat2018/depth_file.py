@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import struct
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,8 +19,9 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import ExistsError, FormatError, NotFoundError, UsageError, os_error
+from ecat.errors import FormatError, NotFoundError, UsageError, os_error
 from ecat.formats.ecat2018.xml_input import open_input
+from ecat.store import staged_file
 
 _HEADER = struct.Struct("<2h")
 _COUNT = struct.Struct("<I")
@@ -152,22 +152,9 @@ def write_depth_file(path: Path, frames: Iterable[tuple[int, NDArray[np.uint16]]
     ExistsError : ``path`` exists.
     StoreError : the disk.
     """
-    what = f"cannot write {path}"
-    if path.exists():
-        raise ExistsError(what, where=f"{path} exists", fix="choose another name or remove it")
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            try:
-                for piece in _pieces(frames, what):
-                    file.write(piece)
-                file.flush()
-                os.fsync(file.fileno())
-                Path(file.name).replace(path)
-            except BaseException:
-                Path(file.name).unlink(missing_ok=True)
-                raise
-    except OSError as error:
-        raise os_error(error, what, path, "nothing was written") from error
+    with staged_file(path) as staging, staging.open("wb") as file:
+        for piece in _pieces(frames, f"cannot write {path}"):
+            file.write(piece)
 
 
 def _pieces(frames: Iterable[tuple[int, NDArray[np.uint16]]], what: str) -> Iterator[bytes]:

@@ -1,44 +1,69 @@
 """Runs of marker faces, taken out of the byte stream before the XML parser sees them.
 
-Nine tenths of a Kinect session's file are faces in one fixed layout.  A regular expression reads them several times faster
-than a parser can.  Only what matches that layout exactly, directly inside a marker list, is taken; everything else, and
-everything from the first comment, CDATA section or entity on, goes to the parser, which gets line ends in place of what was taken so
-that line numbers stay true.
+Nine tenths of a Kinect session's file are faces in one fixed layout, and cutting that layout at its tags is several times
+faster than parsing it.  Whatever stands between two numbers or two codes occurs again and again, so that each such text is
+checked once and then looked up.  Only what has ECAT's layout exactly, directly inside a marker list, is taken; everything
+else, and everything from the first comment, CDATA section, processing instruction or entity on, goes to the parser.  It
+gets line ends in place of what was taken, so that line numbers stay true.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cache
 
-_WS = rb"\r?\n *"  # single-character classes match several times faster than sets
-_FACE = re.compile(
-    rb'(?:<marker (type="LOCATION" )?frame="([0-9]{1,9})" glyphSize="([0-9]{1,2})">' + _WS + rb")?"
-    rb"<face>" + _WS + rb"<bounding>([^<]+)</bounding>" + _WS + rb"<code>([^<]+)</code>" + _WS
-    # the marker ends, or a face follows
-    + rb"</face>" + _WS + rb"(</marker>" + _WS + rb"(?=<))?"
-)
+import numpy as np
+
+_WS = rb"\r?\n *"
 _LIST = re.compile(
     rb"<markers(3d)?>" + _WS + rb'(?=<marker (?:type="LOCATION" )?frame="[0-9]{1,9}" glyphSize="[0-9]{1,2}">)'
 )
+_HEAD = {
+    2: re.compile(rb"(?:" + _WS + rb')?<marker type="LOCATION"'),
+    3: re.compile(rb"(?:" + _WS + rb")?<marker"),
+}
+_SIZE = re.compile(rb' glyphSize="([0-9]{1,2})">' + _WS + rb"<face>" + _WS)
+_CODE = rb"/bounding>" + _WS + rb"<code>([^<]+)</code>" + _WS + rb"</face>" + _WS
+_INNER = re.compile(_CODE + rb"<face>" + _WS)
+_LAST = re.compile(_CODE)
+_END = b"</marker>"
 _LONGEST_LIST_START = 512
 _LONGEST_MARKER = 1 << 16
+_MOST_KNOWN = _LONGEST_KNOWN = 4096
+
 
 @dataclass
 class Run:
-    """Markers that follow each other: per marker its frame, glyph size and number of faces; per face its texts.
+    """Markers that follow each other.
 
-    ``line(i)`` is the line of marker ``i``, found only when an error needs it.
+    Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces); per face the
+    texts of its ``corners`` and its ``codes``, where a marker without faces has one empty text in each.  ``line(i)`` is the
+    line of face ``i`` of the run, found only when an error needs it.
     """
 
-    frames: list[int]
-    sizes: list[int]
-    counts: list[int]
-    corners: list[bytes]
-    codes: list[bytes]
     line: Callable[[int], int]
+    frames: Sequence[int]
+    sizes: Sequence[int]
+    counts: Sequence[int]
+    corners: Sequence[bytes]
+    codes: Sequence[bytes]
+
+
+class _Known(dict[bytes, bytes | None]):
+    """Texts met so far and what stands in them, or ``None`` for those that are not of the layout."""
+
+    def __init__(self, layout: re.Pattern[bytes]) -> None:
+        super().__init__()
+        self._layout = layout
+
+    def __missing__(self, text: bytes) -> bytes | None:
+        found = self._layout.fullmatch(text)
+        value = None if found is None else found.group(self._layout.groups)
+        if len(self) < _MOST_KNOWN and len(text) < _LONGEST_KNOWN:
+            self[text] = value
+        return value
 
 
 class FaceScanner:
@@ -53,17 +78,25 @@ class FaceScanner:
     def __init__(self, take: Callable[[int, Run], None]) -> None:
         self._take = take
         self._buffer = b""
+        self._start = 0  # of what was not passed on yet
         self._line = 1
         self._dimensions = 0  # of the list that the buffer starts in; 0 outside of lists
         self._off = False
+        self._heads = {dimensions: _Known(layout) for dimensions, layout in _HEAD.items()}
+        self._sizes = _Known(_SIZE)
+        self._inner = _Known(_INNER)
+        self._last = _Known(_LAST)
 
     def cut(self, pieces: Iterable[bytes]) -> Iterator[bytes]:
         """The document without the faces that were taken."""
+        before = b""
         for piece in pieces:
-            # markup that could hide faces from a parser ends the search; the document's own `<?xml` does not
-            skip = 2 if piece.startswith(b"<?xml") else 0
-            self._off = self._off or b"<!" in piece or b"&" in piece or piece.find(b"<?", skip) >= 0
-            self._buffer += piece
+            # the document's own `<?xml` hides nothing
+            start = 2 if not before and piece.startswith(b"<?xml") else 0
+            self._off = self._off or _may_hide_faces(before, piece[start:] if start else piece)
+            before = piece[-1:] or before
+            rest = self._buffer[self._start :]
+            self._buffer, self._start = rest + piece if rest else piece, 0
             while not self._off and (out := self._step()) is not None:
                 self._line += out.count(b"\n")
                 yield out
@@ -72,65 +105,102 @@ class FaceScanner:
         self._off = True
         yield self._pass(len(self._buffer))
 
-    def _pass(self, length: int) -> bytes:
-        out, self._buffer = self._buffer[:length], self._buffer[length:]
+    def _pass(self, end: int) -> bytes:
+        out = self._buffer[self._start : end]
+        self._start = end
         return out
 
     def _step(self) -> bytes | None:
         """What the parser may have now; None when more of the document is needed first."""
         if self._dimensions:
             return self._inside()
-        if start := _LIST.search(self._buffer):
+        if start := _LIST.search(self._buffer, self._start):
             self._dimensions = 3 if start.group(1) else 2
             return self._pass(start.end())
-        length = len(self._buffer) - _LONGEST_LIST_START
-        return self._pass(length) if length > 0 else None
+        end = len(self._buffer) - _LONGEST_LIST_START
+        return self._pass(end) if end > self._start else None
 
     def _inside(self) -> bytes | None:
-        buffer, dimensions = self._buffer, self._dimensions
-        run, end = self._run(buffer, self._line)
-        rest = len(buffer) - end
-        if rest > _LONGEST_MARKER or (rest > len(b"<marker ") and not buffer.startswith(b"<marker ", end)):
+        buffer, start = self._buffer, self._start
+        stop = buffer.find(b"</markers", start)
+        end = buffer.rfind(_END, start, stop if stop >= 0 else len(buffer))
+        whole = buffer[start : end + len(_END)] if end >= 0 else b""
+        n_bad = self._take_all(whole) if whole else None
+        if n_bad is not None:
+            # up to the first marker that is laid out in another way
+            whole = b"".join(text + _END for text in whole.split(_END)[:n_bad])
+            self._take_all(whole)
+        self._start = start + len(whole)
+        rest = buffer[self._start : self._start + _LONGEST_MARKER]
+        if n_bad is not None or stop >= 0 or len(rest) == _LONGEST_MARKER or not _may_start_marker(rest):
             self._dimensions = 0  # the list ends here, or goes on in another form
-        elif not end:
+        elif not whole:
             return None
-        if end:
-            self._take(dimensions, run)
-        self._buffer = buffer[end:]
-        return b"\n" * buffer.count(b"\n", 0, end)
+        return b"\n" * whole.count(b"\n")
 
-    def _run(self, buffer: bytes, line: int) -> tuple[Run, int]:
-        """The complete markers at the start of ``buffer`` and where they end."""
-        wanted = None if self._dimensions == 3 else b'type="LOCATION" '  # noqa: PLR2004
-        frames: list[bytes] = []
-        sizes: list[bytes] = []
-        starts: list[int] = []
-        ends = [0]
-        corners: list[bytes] = []
-        codes: list[bytes] = []
-        position = end = 0
-        is_open = False
-        for found in _FACE.finditer(buffer):
-            kind, frame, size, corner, code, close = found.groups()
-            if found.start() != position or (frame is None) != is_open or (kind != wanted and not is_open):
-                break
-            if not is_open:
-                frames.append(frame)
-                sizes.append(size)
-                starts.append(position)
-            corners.append(corner)
-            codes.append(code)
-            position = found.end()
-            is_open = close is None
-            if not is_open:
-                ends.append(len(corners))
-                end = position
-        n, faces = len(ends) - 1, ends[-1]
-        return Run(
-            [int(frame) for frame in frames[:n]],
-            [int(size) for size in sizes[:n]],
-            [b - a for a, b in pairwise(ends)],
-            corners[:faces],
-            codes[:faces],
-            lambda i: line + buffer.count(b"\n", 0, starts[i]),
-        ), end
+    def _take_all(self, whole: bytes) -> int | None:
+        """Hand over complete markers; or only say which one is the first that is laid out in another way."""
+        head, *faces = whole.split(b"<bounding>")
+        parts = [face.partition(b"<") for face in faces]
+        tails = [after.partition(_END) for _, _, after in parts]
+        codes = [self._last[code] if end else self._inner[code] for code, end, _ in tails]
+        is_last = [bool(end) for _, end, _ in tails]
+        heads = self._heads_of([head, *(after for _, end, after in tails if end)])
+        if None in codes or None in heads:
+            bad_face = is_last[: codes.index(None)].count(True) if None in codes else len(heads)
+            return min(bad_face, heads.index(None) if None in heads else len(heads))
+        if codes:
+            ends = np.flatnonzero(is_last)
+            frames, sizes = zip(*heads, strict=True)  # pyright: ignore[reportArgumentType]
+            first_line, lines = self._line, _lines_of_faces(whole)
+            self._take(
+                self._dimensions,
+                Run(
+                    lambda i: first_line + lines(i),
+                    frames,
+                    sizes,
+                    np.diff(ends, prepend=-1).tolist(),
+                    [corners for corners, _, _ in parts],
+                    codes,  # pyright: ignore[reportArgumentType]
+                ),
+            )
+        return None
+
+    def _heads_of(self, texts: list[bytes]) -> list[tuple[int, int] | None]:
+        """Frame and size of the markers that start with ``texts``, of which the last is what follows the last marker;
+        ``None`` for one that is laid out in another way."""
+        known, sizes = self._heads[self._dimensions], self._sizes
+        parts = [text.partition(b' frame="') for text in texts[:-1]]
+        ends = [(start, *rest.partition(b'"')) for start, _, rest in parts]
+        heads = [
+            (int(frame), int(size))
+            if known[start] is not None and (size := sizes[kind]) and frame.isdigit() and len(frame) <= 9
+            else None
+            for start, frame, _, kind in ends
+        ]
+        return [*heads, None] if texts[-1] else heads
+
+
+def _may_hide_faces(before: bytes, piece: bytes) -> bool:
+    """Whether markup starts in ``piece`` that could hide faces from a parser, or entities that stand for some."""
+    if b"&" in piece:
+        return True
+    # one byte is found much faster than two
+    return any(byte in piece and b"<" + byte in before + piece for byte in (b"!", b"?"))
+
+
+def _may_start_marker(rest: bytes) -> bool:
+    """Whether what follows an end tag may be, or become, another marker."""
+    rest = rest.lstrip(b"\r\n ")
+    return rest.startswith(b"<marker ") or b"<marker ".startswith(rest)
+
+
+def _lines_of_faces(markers: bytes) -> Callable[[int], int]:
+    """Line ends before each face, counted when the first is asked for."""
+
+    @cache
+    def lines() -> list[int]:
+        ends = np.flatnonzero(np.frombuffer(markers, np.uint8) == ord("\n"))
+        return np.searchsorted(ends, [face.start() for face in re.finditer(b"<face>", markers)]).tolist()
+
+    return lambda i: lines()[i]

@@ -94,7 +94,8 @@ def missing_corners(values: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDA
     missing : bool (n, points)
     unusual : bool (n,)
     """
-    with np.errstate(invalid="ignore"):
-        minus_infinity = np.isneginf(values).all(axis=2)
-        other = ~np.isfinite(values).all(axis=2) | (values == -1).all(axis=2) | (values == 0).all(axis=2)
-    return minus_infinity | other, (other & ~minus_infinity).any(axis=1)
+    x, y, z = (values[..., i] for i in range(3))
+    missing = ~np.isfinite(x + y + z)  # a sum of floats read from seven digits each does not overflow
+    same = (x == y) & (y == z)
+    missing |= same & ((x == -1) | (x == 0))
+    return missing, (missing & ~(same & (x == -np.inf))).any(axis=1)

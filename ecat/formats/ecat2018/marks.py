@@ -1,34 +1,33 @@
-"""Marker faces of glyph boxes: from the text of ``files.param`` to the tables ``markers_2d`` and ``markers_3d``.
+"""Marker faces of glyph boxes: from the texts of ``files.param`` to numbers.
 
-A session has tens of thousands of faces, so texts are gathered in chunks and turned into numbers by Arrow.  Corners keep the
-order of the file (ECAT 2018 file format §1.2.4: the 2-D and the 3-D list of a face start at different corners, and the
-code is oriented by a third rule); codes are as read from the mirrored image.
+A session has tens of thousands of faces, so texts are turned into numbers by Arrow, a run at a time.  Corners keep the order
+of the file (ECAT 2018 file format §1.2.4: the 2-D and the 3-D list of a face start at different corners, and the code is
+oriented by a third rule); codes are as read from the mirrored image.
 """
 
 from __future__ import annotations
 
 import io
-from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.csv
 from numpy.typing import NDArray
+from pyarrow import csv
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.face_scanner import Run
 from ecat.formats.ecat2018.lexical import USUAL_NUMBERS, format_code, missing_corners, parse_code
 from ecat.formats.ecat2018.xml_input import parse_floats
-from ecat.model import Clock
-from ecat.tables import MARKERS_2D, MARKERS_3D, ROW_GROUP_ROWS, TableSchema
 
 KINECT_TO_CAMERA = np.array([-1.0, -1.0, 1.0])
 """Kinect camera space (x to the sensor's left, y up) to ``camera/depth``; its own inverse."""
-_CSV_READ = pa.csv.ReadOptions(column_names=["x"], use_threads=False, block_size=1 << 24)
-_CSV_CONVERT = pa.csv.ConvertOptions(column_types={"x": pa.float64()}, null_values=[])
+_CSV_PARSE = csv.ParseOptions(quote_char=False, ignore_empty_lines=False)
+
+Place = Callable[[int], str]
+"""Where face ``i`` of a run stands, for errors."""
 
 
 class CodeBook:
@@ -37,15 +36,19 @@ class CodeBook:
     def __init__(self) -> None:
         self.codes: list[str | None] = []
         self.texts: list[str | None] = []
-        self.known: dict[tuple[bytes, int], int] = {}
+        self._known: dict[int, dict[bytes, int]] = {}
+
+    def of_size(self, size: int) -> dict[bytes, int]:
+        """The positions of the texts with ``size`` times ``size`` cells."""
+        return self._known.setdefault(size, {})
 
     def learn(self, text: bytes, size: int) -> int:
         """The position of a code text, or -1 if it is not ``size`` times ``size`` cells."""
-        plain = text.decode("utf-8", "replace")
+        plain = plain_text(text)
         code = parse_code(plain)
         if code is None or len(code) != size * size:
             return -1
-        number = self.known[text, size] = len(self.codes)
+        number = self.of_size(size)[text] = len(self.codes)
         self.codes.append(code)
         self.texts.append(None if plain == format_code(code) else plain)
         return number
@@ -53,20 +56,43 @@ class CodeBook:
     def keep(self, text: bytes) -> int:
         """The position of a text that is no code: kept as it is."""
         self.codes.append(None)
-        self.texts.append(text.decode("utf-8", "replace"))
+        self.texts.append(plain_text(text))
         return len(self.codes) - 1
 
 
-def _integers() -> array[int]:
-    return array("i")  # a quarter of a list's memory: long sessions have millions of faces
+def plain_text(text: bytes) -> str:
+    """Text of the document as a parser gives it: with line feeds only."""
+    return text.decode("utf-8", "replace").replace("\r\n", "\n").replace("\r", "\n")
+
+
+@dataclass(slots=True)
+class FaceColumns:
+    """Faces in file order, a row each; a marker without faces is a row without order, code and corners (-1, -1, NaN).
+
+    ``codes`` are positions in the session's `CodeBook`; ``corners`` is (n, 4 * dimensions), pixels or metres in
+    ``camera/depth``, NaN where missing.
+    """
+
+    frames: NDArray[np.int32]
+    orders: NDArray[np.int32]
+    sizes: NDArray[np.int32]
+    codes: NDArray[np.int32]
+    corners: NDArray[np.float64]
+
+    def take(self, rows: NDArray[np.intp]) -> FaceColumns:
+        """The rows at these positions."""
+        return FaceColumns(
+            self.frames[rows], self.orders[rows], self.sizes[rows], self.codes[rows], self.corners[rows]
+        )
 
 
 @dataclass
 class Faces:
-    """The faces of one object in one of its two lists, in file order.
+    """The faces of one object in one of its two lists, as they come.
 
-    A marker without faces (an absence, or an empty location) is a face without order, code and corners.  ``object_id`` is
-    set when the object's end is met.
+    ``what`` is an error's first line; ``skip_bad`` keeps a face that cannot be read without what cannot be read, and says so
+    in ``findings``.  ``object_id`` is set when the object's end is met.  By position of the row: ``absent``, and the
+    ``corner_texts`` that are not as their numbers would be written.
     """
 
     dimensions: int
@@ -75,203 +101,159 @@ class Faces:
     skip_bad: bool = False
     findings: list[str] = field(default_factory=list[str])
     object_id: str = ""
-    frames: array[int] = field(default_factory=_integers)
-    orders: array[int] = field(default_factory=_integers)
-    sizes: array[int] = field(default_factory=_integers)
-    codes: array[int] = field(default_factory=_integers)
     absent: set[int] = field(default_factory=set[int])
     corner_texts: dict[int, str] = field(default_factory=dict[int, str])
-    _corners: list[NDArray[np.float64]] = field(default_factory=list[NDArray[np.float64]])
+    _parts: list[FaceColumns] = field(default_factory=list[FaceColumns])
+    _length: int = 0
+
+    def __len__(self) -> int:
+        return self._length
 
     @property
     def width(self) -> int:
         """Numbers in one face's corner list."""
         return 4 * self.dimensions
 
+    def columns(self) -> FaceColumns:
+        """All faces."""
+        if len(self._parts) != 1:
+            parts, width = self._parts, self.width
+            integers = [[getattr(part, name) for part in parts] for name in ("frames", "orders", "sizes", "codes")]
+            joined = [np.concatenate([np.empty(0, np.int32), *arrays]) for arrays in integers]
+            corners = np.concatenate([np.empty((0, width)), *(part.corners for part in parts)])
+            self._parts = [FaceColumns(*joined, corners)]
+        return self._parts[0]
+
     def add(self, run: Run) -> None:
-        """Add a run of markers; one without faces counts none."""
-        first = len(self.frames)
-        counts = [max(count, 1) for count in run.counts]
-        self.frames.extend(np.repeat(np.array(run.frames, np.int32), counts).tolist())
-        self.sizes.extend(np.repeat(np.array(run.sizes, np.int32), counts).tolist())
-        self.orders.extend(order for count in run.counts for order in (range(count) if count else (-1,)))
-        marker = np.repeat(np.arange(len(counts)), counts)
+        """Add a run of markers."""
+        counts = np.array(run.counts, np.int32)
+        rows = np.maximum(counts, 1)
+        starts = np.cumsum(rows) - rows
+        orders = np.arange(rows.sum(), dtype=np.int32) - np.repeat(starts, rows).astype(np.int32)
+        orders[starts[counts == 0]] = -1
+        frames, sizes = (np.repeat(np.array(numbers, np.int32), rows) for numbers in (run.frames, run.sizes))
 
         def place(i: int) -> str:
-            order = self.orders[first + i]
-            return f"line {run.line(int(marker[i]))}, <face> {order + 1} of frame {self.frames[first + i]}"
+            marker = int(np.searchsorted(starts, i, side="right")) - 1
+            return f"line {run.line(i)}, <face> {orders[i] + 1} of frame {run.frames[marker]}"
 
-        codes, corners = run.codes, run.corners
-        if 0 in run.counts:
-            faces = iter(zip(codes, corners, strict=True))
-            filled = [next(faces) if self.orders[first + i] >= 0 else (b"", b"") for i in range(len(marker))]
-            codes, corners = [code for code, _ in filled], [corner for _, corner in filled]
-        self._add_codes(codes, first, place)
-        self._add_corners(corners, first, place)
+        codes = self._codes(run.codes, sizes, orders, place)
+        corners = self._corners(run.corners, orders, place)
+        self._parts.append(FaceColumns(frames, orders, sizes, codes, corners))
+        self._length += len(orders)
 
-    def _add_codes(self, codes: list[bytes], first: int, place: Callable[[int], str]) -> None:
-        known = self.book.known
-        for i, code in enumerate(codes):
-            number = known.get((code, self.sizes[first + i]))
-            if number is None:
-                number = -1 if self.orders[first + i] < 0 else self._code(code, self.sizes[first + i], place(i))
-            self.codes.append(number)
+    def _codes(
+        self, texts: Sequence[bytes], sizes: NDArray[np.int32], orders: NDArray[np.int32], place: Place
+    ) -> NDArray[np.int32]:
+        of_size = {size: self.book.of_size(size) for size in set(sizes.tolist())}
+        if len(of_size) == 1:  # as in every real file
+            (size, known), = of_size.items()
+            for text in dict.fromkeys(texts):
+                if text not in known:
+                    self.book.learn(text, size)
+            numbers = list(map(known.get, texts))
+        else:
+            numbers = [of_size[size].get(text) for text, size in zip(texts, sizes.tolist(), strict=True)]
+        if None in numbers:
+            for i, number in enumerate(numbers):
+                if number is None:
+                    numbers[i] = self._code(texts[i], int(sizes[i]), i, place) if orders[i] >= 0 else -1
+        return np.array(numbers, np.int32)
 
-    def _code(self, text: bytes, size: int, where: str) -> int:
+    def _code(self, text: bytes, size: int, i: int, place: Place) -> int:
+        known = self.book.of_size(size).get(text)
+        if known is not None:
+            return known
         number = self.book.learn(text, size)
         if number < 0:
             found = text.count(b",") + bool(text)
-            self.bad(f"{where}: expected {size * size} cells of 0 or 1 in <code>, found {found}")
+            self.bad(f"{place(i)}: expected {size * size} cells of 0 or 1 in <code>, found {found}")
             number = self.book.keep(text)
         return number
 
-    def _add_corners(self, texts: list[bytes], first: int, place: Callable[[int], str]) -> None:
-        values = self._parsed(texts, first, place)
+    def _corners(
+        self, texts: Sequence[bytes], orders: NDArray[np.int32], place: Place
+    ) -> NDArray[np.float64]:
+        values = self._numbers(texts, orders, place)
         if self.dimensions == 2:  # noqa: PLR2004
-            unusual = ~np.isfinite(values).all(axis=1)
-            values = np.where(np.isfinite(values), values, np.nan)
+            infinite = ~np.isfinite(values)
+            unusual = infinite.any(axis=1)
+            values[infinite] = np.nan
         else:
-            points = values.reshape(-1, 4, 3)
-            missing, unusual = missing_corners(points)
-            values = np.where(missing[..., None], np.nan, points * KINECT_TO_CAMERA).reshape(-1, 12)
+            missing, unusual = missing_corners(values.reshape(-1, 4, 3))
+            values *= np.tile(KINECT_TO_CAMERA, 4)
+            values.reshape(-1, 4, 3)[missing] = np.nan
         usual = pc.match_substring_regex(pa.array(texts).cast(pa.string(), safe=False), USUAL_NUMBERS)
-        for i in np.flatnonzero(unusual | ~np.array(usual)).tolist():
-            if self.orders[first + i] >= 0:
-                self.corner_texts[first + i] = texts[i].decode("utf-8", "replace")
-        self._corners.append(values)
+        for i in np.flatnonzero((unusual | ~np.array(usual)) & (orders >= 0)).tolist():
+            self.corner_texts[self._length + i] = plain_text(texts[i])
+        return values
 
-    def _parsed(self, texts: list[bytes], first: int, place: Callable[[int], str]) -> NDArray[np.float64]:
+    def _numbers(
+        self, texts: Sequence[bytes], orders: NDArray[np.int32], place: Place
+    ) -> NDArray[np.float64]:
         """The texts as (n, width) numbers; by Arrow when all are well-formed, else one by one."""
-        if all(text.count(b",") == self.width - 1 for text in texts):
-            column = b",".join(texts).replace(b"\xe2\x88\x9e", b"inf").replace(b",", b"\n")
-            try:
-                table = pa.csv.read_csv(io.BytesIO(column), _CSV_READ, convert_options=_CSV_CONVERT)
-                if table.num_rows == len(texts) * self.width:
-                    return table.column(0).to_numpy().reshape(len(texts), self.width)
-            except pa.ArrowInvalid:
-                pass
-        return np.array([self._row(text, first, i, place) for i, text in enumerate(texts)])
-
-    def _row(self, text: bytes, first: int, i: int, place: Callable[[int], str]) -> NDArray[np.float64]:
-        if self.orders[first + i] < 0:
-            return np.full(self.width, np.nan)
+        names = [str(i) for i in range(self.width)]
+        lines = b"\n".join(texts).replace(b"\xe2\x88\x9e", b"inf")
         try:
-            return parse_floats(text.decode("utf-8", "replace"), self.width, what=self.what, where=place(i))
+            table = csv.read_csv(
+                io.BytesIO(lines),
+                csv.ReadOptions(column_names=names, use_threads=False, block_size=len(lines) + 1),
+                _CSV_PARSE,
+                csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[]),
+            )
+        except pa.ArrowInvalid:
+            table = None
+        if table is not None and table.num_rows == len(texts):
+            return np.column_stack([column.to_numpy() for column in table.columns])
+        rows = [self._row(text, i, place) if orders[i] >= 0 else self._missing() for i, text in enumerate(texts)]
+        return np.array(rows).reshape(len(texts), self.width)
+
+    def _missing(self) -> NDArray[np.float64]:
+        return np.full(self.width, np.nan)
+
+    def _row(self, text: bytes, i: int, place: Place) -> NDArray[np.float64]:
+        try:
+            return parse_floats(plain_text(text), self.width)
         except FormatError as error:
-            self.bad(error.where)
-            return np.full(self.width, np.nan)
+            self.bad(f"{place(i)}: {error.where}")
+            return self._missing()
 
     def put_in_order(self) -> bool:
         """Sort markers by frame and keep the last of each frame, as ECAT does; whether anything had to change."""
-        frames, orders = np.array(self.frames, np.int64), np.array(self.orders, np.int64)
-        marker = np.cumsum(orders <= 0)
-        starts = np.flatnonzero(orders <= 0)
-        if not len(frames) or (np.diff(frames[starts]) > 0).all():
+        now = self.columns()
+        starts = np.flatnonzero(now.orders <= 0)
+        frames = now.frames[starts].astype(np.int64)
+        if (np.diff(frames) > 0).all():
             return False
-        last = {frame: marker[row] for frame, row in zip(frames[starts].tolist(), starts.tolist(), strict=True)}
-        keep = np.array([last[frame] == m for frame, m in zip(frames.tolist(), marker.tolist(), strict=True)])
-        rows = np.flatnonzero(keep)
-        rows = rows[np.argsort(frames[rows], kind="stable")]
-        for name in ("frames", "orders", "sizes", "codes"):
-            setattr(self, name, array("i", np.array(getattr(self, name))[rows].tolist()))
+        marker = np.cumsum(now.orders <= 0) - 1
+        _, first_from_end = np.unique(frames[::-1], return_index=True)
+        last = np.zeros(len(frames), bool)
+        last[len(frames) - 1 - first_from_end] = True
+        rows = np.flatnonzero(last[marker])
+        rows = rows[np.argsort(now.frames[rows], kind="stable")]
         new = {int(old): i for i, old in enumerate(rows)}
         self.absent = {new[i] for i in self.absent if i in new}
         self.corner_texts = {new[i]: text for i, text in self.corner_texts.items() if i in new}
-        self._corners = [np.concatenate(self._corners)[rows]]
+        self._parts, self._length = [now.take(rows)], len(rows)
         return True
 
     def bad(self, where: str) -> None:
         """Refuse a bad face, or note it if bad faces are to be skipped."""
-        if not self.skip_bad:
-            raise bad_marker(self.what, where)
-        self.findings.append(f"{where}; the marker was kept without the bad values")
-
-    def corners(self) -> NDArray[np.float64]:
-        """All corners, (n, width), NaN where missing; metres in ``camera/depth`` or pixels."""
-        return np.concatenate(self._corners) if self._corners else np.empty((0, self.width))
+        refuse_marker(self.what, where, skip=self.skip_bad, findings=self.findings)
 
 
-def bad_marker(what: str, where: str) -> FormatError:
-    """The error for a face that cannot be read."""
-    return FormatError(
-        what,
-        where=where,
-        consequence="the rest of the session was not imported; nothing was written",
-        fix="ecat import --skip-bad-markers ...",
-    )
+def refuse_marker(what: str, where: str, *, skip: bool, findings: list[str]) -> None:
+    """Refuse a marker that cannot be read, or note it if such markers are to be skipped.
 
-
-def mark_batches(
-    groups: Sequence[Faces], book: CodeBook, clock: Clock, n_frames: int
-) -> Iterator[pa.RecordBatch]:
-    """The rows of ``markers_2d`` or ``markers_3d``, sorted by frame, object and order, a row group at a time."""
-    schema = MARKERS_2D if groups[0].dimensions == 2 else MARKERS_3D
-    corners = [group.corners() for group in groups]
-    frames = np.concatenate([np.frombuffer(group.frames, np.int32) if group.frames else np.empty(0, np.int32) for group in groups])
-    owner = np.repeat(np.arange(len(groups), dtype=np.int32), [len(group.frames) for group in groups])
-    start = np.concatenate([[0], np.cumsum([len(group.frames) for group in groups])])
-    # within an object the file's order is by frame and face already: a stable sort keeps it
-    rows = np.lexsort((owner, frames))
-    for begin in range(0, len(rows), ROW_GROUP_ROWS):
-        chosen = rows[begin : begin + ROW_GROUP_ROWS]
-        yield _batch(
-            schema, groups, book, corners, chosen, owner[chosen], start, frames[chosen], (clock, n_frames)
+    Raises
+    ------
+    FormatError : they are not to be skipped.
+    """
+    if not skip:
+        raise FormatError(
+            what,
+            where=where,
+            consequence="the rest of the session was not imported; nothing was written",
+            fix="ecat import --skip-bad-markers ...",
         )
-
-
-def _batch(
-    schema: TableSchema,
-    groups: Sequence[Faces],
-    book: CodeBook,
-    corners: Sequence[NDArray[np.float64]],
-    rows: NDArray[np.int64],
-    owner: NDArray[np.int32],
-    start: NDArray[np.int64],
-    frames: NDArray[np.int32],
-    time: tuple[Clock, int],
-) -> pa.RecordBatch:
-    local = rows - start[owner]
-    orders, sizes, codes = (np.empty(len(rows), np.int32) for _ in range(3))
-    values = np.empty((len(rows), groups[0].width))
-    present = np.ones(len(rows), bool)
-    texts: list[str | None] = [None] * len(rows)
-    for i, group in enumerate(groups):
-        mine = np.flatnonzero(owner == i)
-        at = local[mine]
-        span = slice(int(at.min()), int(at.max()) + 1) if len(at) else slice(0)
-        orders[mine] = np.array(group.orders[span], np.int32)[at - span.start]
-        sizes[mine] = np.array(group.sizes[span], np.int32)[at - span.start]
-        codes[mine] = np.array(group.codes[span], np.int32)[at - span.start]
-        values[mine] = corners[i][at]
-        if group.absent or group.corner_texts:
-            for row, index in zip(mine.tolist(), at.tolist(), strict=True):
-                present[row] = index not in group.absent
-                texts[row] = group.corner_texts.get(index)
-    columns: list[pa.Array] = [
-        _times(frames, *time),
-        pa.array(frames),
-        _dictionary(owner, [group.object_id for group in groups]),
-        pa.array(orders.astype(np.int16), mask=orders < 0),
-        pa.array(present),
-        pa.array(sizes.astype(np.int16), mask=sizes <= 0),
-        _dictionary(codes, book.codes),
-        _dictionary(codes, book.texts).dictionary_decode()
-        if any(book.texts)
-        else pa.nulls(len(rows), pa.string()),
-        pa.array(texts, pa.string()),
-        *(pa.array(np.ascontiguousarray(values[:, i]), from_pandas=True) for i in range(values.shape[1])),
-    ]
-    return pa.RecordBatch.from_arrays(columns, schema=schema.arrow)
-
-
-def _dictionary(numbers: NDArray[np.int32], values: Sequence[str | None]) -> pa.DictionaryArray:
-    return pa.DictionaryArray.from_arrays(
-        pa.array(numbers, pa.int32(), mask=numbers < 0), pa.array(values, pa.string())
-    )
-
-
-def _times(frames: NDArray[np.int32], clock: Clock, n_frames: int) -> pa.Array:
-    if clock.t_ns(0, n_frames) is None:
-        return pa.nulls(len(frames), pa.int64())
-    distinct, back = np.unique(frames, return_inverse=True)
-    return pa.array(np.array([clock.t_ns(frame, n_frames) for frame in distinct.tolist()], np.int64)[back])
+    findings.append(f"{where}; the marker was kept without the bad values")

@@ -16,7 +16,7 @@ from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write
 from ecat.formats.ecat2018.elements import PREFIX
 from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
 from ecat.formats.ecat2018.files_param_write import file_name, files_param
-from ecat.formats.ecat2018.marks import mark_batches
+from ecat.formats.ecat2018.mark_tables import mark_batches
 from ecat.formats.ecat2018.rig import RIG_SCHEMA, frames_nearest, read_rig, write_rig
 from ecat.formats.format import ImportOptions
 from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH

@@ -31,10 +31,14 @@ MAX_LIVE_BYTES = 256 << 20
 """Bytes read since the tree was last empty, and the default size of a document read whole."""
 
 _CHUNK_BYTES = 1 << 18
+_CUT_CHUNK_BYTES = 1 << 22
 _BOM = b"\xef\xbb\xbf"
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
 _FORBIDDEN = re.compile(rb"\x00|<!doctype|<!entity", re.IGNORECASE)
-_FORBIDDEN_STARTS = (b"\x00", b"<!")  # two plain searches: most pieces have neither, and a regex is slow
+_FORBIDDEN_STARTS = (
+    b"\x00",
+    b"!",
+)  # single bytes are found fast, most pieces have neither, and a regex is slow
 _FORBIDDEN_OVERLAP = len(b"<!doctype") - 1
 _LIMIT_CODES = frozenset({etree.ErrorTypes.ERR_RESOURCE_LIMIT, etree.ErrorTypes.ERR_NAME_TOO_LONG})
 _UNFINISHED = re.compile(r"Premature end|not finished|not terminated|Couldn't find end|expected")
@@ -78,13 +82,13 @@ def read_input(source: Path | bytes, what: str, max_bytes: int) -> bytes:
     return data
 
 
-def _chunks(source: Path | bytes, what: str) -> Iterator[bytes]:
+def _chunks(source: Path | bytes, what: str, size: int) -> Iterator[bytes]:
     if isinstance(source, bytes):
-        for start in range(0, len(source), _CHUNK_BYTES):
-            yield source[start : start + _CHUNK_BYTES]
+        for start in range(0, len(source), size):
+            yield source[start : start + size]
     else:
         with open_input(source, what) as file:
-            while chunk := file.read(_CHUNK_BYTES):
+            while chunk := file.read(size):
                 yield chunk
 
 
@@ -286,7 +290,7 @@ class _Feed:
 
     def _pieces(self) -> Iterator[bytes | None]:
         """What to feed the parser, and None at the end."""
-        for piece in self._checked() if self.cut is None else self.cut(self._checked()):
+        for piece in self._checked() if self.cut is None else self._cut():
             self.parsed_bytes += len(piece)
             if (
                 self._max_record_bytes is not None
@@ -300,10 +304,19 @@ class _Feed:
             yield piece
         yield None
 
+    def _cut(self) -> Iterator[bytes]:
+        """What is left of the document, in pieces as small as if nothing had been cut out."""
+        assert self.cut is not None
+        for piece in self.cut(self._checked()):
+            for start in range(0, len(piece), _CHUNK_BYTES):
+                yield piece[start : start + _CHUNK_BYTES]
+
     def _checked(self) -> Iterator[bytes]:
         """The document without its BOM, each piece checked before it is fed."""
         lines, tail = 1, b""
-        for chunk in _chunks(self._source, self._what):
+        for chunk in _chunks(
+            self._source, self._what, _CHUNK_BYTES if self.cut is None else _CUT_CHUNK_BYTES
+        ):
             piece = chunk if self.fed_bytes else _check_head(chunk, self._what)
             self.fed_bytes += len(piece)
             if self._max_bytes is not None and self.fed_bytes > self._max_bytes:
@@ -312,13 +325,13 @@ class _Feed:
                     where=f"more than {self._max_bytes:,} bytes",
                     fix="check that this is the right file",
                 )
-            window = tail + piece
-            suspect = any(start in window for start in _FORBIDDEN_STARTS)
-            if suspect and (forbidden := _FORBIDDEN.search(window)):
-                line = lines + window.count(b"\n", len(tail), forbidden.start())
-                raise _refused(forbidden.group(), line, self._what)
+            if any(start in piece or start in tail for start in _FORBIDDEN_STARTS):
+                window = tail + piece
+                if forbidden := _FORBIDDEN.search(window):
+                    line = lines + window.count(b"\n", len(tail), forbidden.start())
+                    raise _refused(forbidden.group(), line, self._what)
             lines += piece.count(b"\n")
-            tail = window[-_FORBIDDEN_OVERLAP:]
+            tail = (tail + piece[-_FORBIDDEN_OVERLAP:])[-_FORBIDDEN_OVERLAP:]
             yield piece
         if not self.fed_bytes:
             raise FormatError(self._what, where="the file is empty", fix="restore it from a copy")
