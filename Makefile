@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 help:  ## say what there is
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 16
 
-demo: $(VENV)/.installed  ## make a session, run every stage on it, check it and write a recording for the viewer
+demo: $(VENV)/.installed  ## import a sample recording, place its blocks, check it, look at it, export it again
 	$(VENV)/bin/ecat demo
 
 test: $(VENV)/.installed-test  ## run the tests

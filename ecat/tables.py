@@ -79,7 +79,9 @@ def _arrow(schema: TableSchema) -> pa.Schema:
     )
 
 
-_T_NS = Column("t_ns", pa.int64(), "time since the session's start; null where the session has no clock", "ns", "", True)
+_T_NS = Column(
+    "t_ns", pa.int64(), "time since the session's start; null where the session has no clock", "ns", "", True
+)
 _FRAME = Column("frame", pa.int32(), "image of the annotated video, from zero")
 _OBJECT = Column("object_id", _NAME, "the annotated object")
 _LAYER = Column("layer", _NAME, "the annotation layer")
@@ -94,7 +96,8 @@ _INTERVAL = (
 
 def _numbers(names: str, meaning: str, unit: str, reference: str) -> tuple[Column, ...]:
     return tuple(
-        Column(name, pa.float64(), f"{meaning}: {name}", unit, reference, nullable=True) for name in names.split()
+        Column(name, pa.float64(), f"{meaning}: {name}", unit, reference, nullable=True)
+        for name in names.split()
     )
 
 
@@ -102,12 +105,30 @@ _MARK = (
     _T_NS,
     _FRAME,
     _OBJECT,
-    Column("order", pa.int16(), "position of the face in its marker; null: a marker without faces", "", "", True),
+    Column(
+        "order", pa.int16(), "position of the face in its marker; null: a marker without faces", "", "", True
+    ),
     Column("present", pa.bool_(), "false: the object is absent from this frame on"),
     Column("glyph_size", pa.int16(), "cells along one side of the marker's code", "cells", "", True),
-    Column("code", _NAME, "the cells as read, row by row, 1 = white; null: a marker without faces", "", "", True),
-    Column("code_text", pa.string(), "the code as the source wrote it, where that is not its usual form", "", "", True),
-    Column("corners_text", pa.string(), "the corners as the source wrote them, where not in their usual form", "", "", True),
+    Column(
+        "code", _NAME, "the cells as read, row by row, 1 = white; null: a marker without faces", "", "", True
+    ),
+    Column(
+        "code_text",
+        pa.string(),
+        "the code as the source wrote it, where that is not its usual form",
+        "",
+        "",
+        True,
+    ),
+    Column(
+        "corners_text",
+        pa.string(),
+        "the corners as the source wrote them, where not in their usual form",
+        "",
+        "",
+        True,
+    ),
 )
 
 _POSE = (
@@ -119,7 +140,14 @@ _POSE = (
     Column("source", _NAME, "observed, interpolated, or null where nothing is known", "", "", True),
     Column("support", _NAME, "table: resting on it; free: lifted or tilted", "", "", True),
     Column("n_faces", pa.int16(), "marker faces that took part", "", "", True),
-    Column("residual_px", pa.float64(), "root mean square reprojection error of the inlier corners", "px", "", True),
+    Column(
+        "residual_px",
+        pa.float64(),
+        "root mean square reprojection error of the inlier corners",
+        "px",
+        "",
+        True,
+    ),
     Column("sigma_m", pa.float64(), "one standard deviation of the position (per axis)", "m", "", True),
     Column("sigma_rad", pa.float64(), "one standard deviation of the rotation (per axis)", "rad", "", True),
 )
@@ -217,7 +245,9 @@ KEYFRAMES = TableSchema(
         Column("dimensions", pa.int8(), "2: pixels of the colour image; 3: metres in camera/depth"),
         Column("present", pa.bool_(), "false: the object is absent from this frame on"),
         Column("vertex", pa.int16(), "position of the vertex in the shape; null: no shape", "", "", True),
-        *_numbers("x y z", "the vertex (rectangles: 0 = top left corner, 1 = width and height)", "px or m", ""),
+        *_numbers(
+            "x y z", "the vertex (rectangles: 0 = top left corner, 1 = width and height)", "px or m", ""
+        ),
     ),
     ("layer", "object_id", "dimensions", "frame", "vertex"),
 )
@@ -246,7 +276,12 @@ EVENT_SEGMENTS = TableSchema(
 EVENT_LINKS = TableSchema(
     "event_links",
     "Typed links between events; a parent counts as a SUBEVENT link from it.",
-    (_LAYER, _EVENT, Column("type", _NAME, "SUBEVENT, CAUSE, ..."), Column("target", pa.string(), "the other event")),
+    (
+        _LAYER,
+        _EVENT,
+        Column("type", _NAME, "SUBEVENT, CAUSE, ..."),
+        Column("target", pa.string(), "the other event"),
+    ),
 )
 EVENT_ROLES = TableSchema(
     "event_roles",

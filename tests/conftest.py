@@ -5,6 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# a slow disk or a busy machine is no fault of what is tested
+settings.register_profile("ecat", deadline=None)
+settings.load_profile("ecat")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

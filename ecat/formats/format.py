@@ -34,8 +34,8 @@ class ExportReport:
 class ImportOptions:
     """How to read.
 
-    ``skip_bad_markers`` keeps markers that cannot be read without their values.  ``keep_going`` leaves out sessions that
-    cannot be read, instead of importing nothing.
+    ``skip_bad_markers`` keeps markers that cannot be read without their values.  ``keep_going`` leaves out
+    sessions that cannot be read, instead of importing nothing.
     """
 
     skip_bad_markers: bool = False
@@ -45,13 +45,17 @@ class ImportOptions:
 class Reader(Protocol):
     """Reads ``source`` into a new session, project or workspace at ``dest``; leaves nothing there on an error."""
 
-    def __call__(self, source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport: ...
+    def __call__(self, source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport:
+        """Read."""
+        ...
 
 
 class Writer(Protocol):
     """Writes the session, project or workspace at ``path`` to ``dest``; leaves nothing there on an error."""
 
-    def __call__(self, path: Path, dest: Path, progress: Progress) -> ExportReport: ...
+    def __call__(self, path: Path, dest: Path, progress: Progress) -> ExportReport:
+        """Write."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,8 @@
 """The poses of a session or a whole project as one Parquet file.
 
-One row per frame and box: ``action`` (the project's folder), ``session``, ``frame``, ``object`` (its name), ``x``, ``y``, ``z``
-(metres in the table frame), ``rotation`` (about the table's normal), ``roll``, ``pitch`` (radians), ``observed``, ``residual``
-(pixels), ``source``.
+One row per frame and box: ``action`` (the project's folder), ``session``, ``frame``, ``object`` (its name),
+``x``, ``y``, ``z`` (metres in the table frame), ``rotation`` (about the table's normal), ``roll``, ``pitch``
+(radians), ``observed``, ``residual`` (pixels), ``source``.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
     sessions = find_sessions(path)
     findings: list[str] = []
     written = 0
-    with staged_file(dest, replace=True) as staging, pq.ParquetWriter(staging, SCHEMA, compression="zstd") as out:
+    with (
+        staged_file(dest, replace=True) as staging,
+        pq.ParquetWriter(staging, SCHEMA, compression="zstd") as out,
+    ):
         for done, folder in enumerate(sessions):
             progress(folder.name, done, len(sessions))
             session = open_session(folder)

@@ -110,6 +110,9 @@ class Linear:
     weights: Floats
     cost: Floats
 
+    def __getitem__(self, rows: Rows) -> Linear:
+        return Linear(self.gap[rows], self.by_point[rows], self.weights[rows], self.cost[rows])
+
 
 Pair: TypeAlias = tuple[Linear, Linear]
 
@@ -176,24 +179,36 @@ def refine(
 ) -> Fit:
     """Move poses table-from-box (n) downhill to the nearest minimum of the robust cost.
 
-    Levenberg-Marquardt, each frame with its own damping; it ends when no frame moves any more.
+    Levenberg-Marquardt, each frame with its own damping, until it no longer moves.
     """
-    pose, held = start, list(freedom)
+    held = list(freedom)
+    pose = Rigid(start.rotation.copy(), start.translation.copy())
+    rows, here, now = np.arange(len(seen)), seen, pose
     damping = np.full(len(seen), 1e-3)
-    placed = place(pose, scene.corners)
-    parts = linearise(seen, scene, placed, noise)
+    placed = place(now, scene.corners)
+    parts = linearise(here, scene, placed, noise)
     for _ in range(steps):
-        step = _damped_step(parts, motion(placed, pose, held), damping, held)
-        trial = Rigid(matrix_from_rotvec(step[:, 3:]) @ pose.rotation, pose.translation + step[:, :3])
+        step = _damped_step(parts, motion(placed, now, held), damping, held)
+        trial = Rigid(matrix_from_rotvec(step[:, 3:]) @ now.rotation, now.translation + step[:, :3])
         trial_placed = place(trial, scene.corners)
-        trial_parts = linearise(seen, scene, trial_placed, noise)
+        trial_parts = linearise(here, scene, trial_placed, noise)
         better = trial_parts[0].cost + trial_parts[1].cost <= parts[0].cost + parts[1].cost
-        pose = _pick_pose(better, trial, pose)
-        placed = _pick(better, trial_placed, placed)
+        now, placed = _pick_pose(better, trial, now), _pick(better, trial_placed, placed)
         parts = _pick_linear(better, trial_parts[0], parts[0]), _pick_linear(better, trial_parts[1], parts[1])
         damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-9, 1e6)
-        if np.abs(step[better]).max(initial=0) < 1e-6:
+        pose.rotation[rows], pose.translation[rows] = now.rotation, now.translation
+        moving = np.flatnonzero(~better | (np.abs(step).max(1) > 1e-6))
+        if not moving.size:
             break
+        rows, here, damping, placed = rows[moving], here[moving], damping[moving], placed[moving]
+        now = Rigid(now.rotation[moving], now.translation[moving])
+        parts = parts[0][moving], parts[1][moving]
+    return _fit(seen, scene, pose, noise, held)
+
+
+def _fit(seen: Sightings, scene: Scene, pose: Rigid, noise: Noise, held: list[int]) -> Fit:
+    placed = place(pose, scene.corners)
+    parts = linearise(seen, scene, placed, noise)
     hessian, _ = normal_equations(parts, motion(placed, pose, held))
     covariance = np.zeros((len(seen), 6, 6))
     covariance[np.ix_(range(len(seen)), held, held)] = np.linalg.pinv(hessian, hermitian=True)

@@ -13,11 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecat.geometry.boxes import SQUARE
 from ecat.geometry.boxfit import (
@@ -32,7 +29,6 @@ from ecat.geometry.boxfit import (
     resting_start,
 )
 from ecat.geometry.cameras import Camera
-from ecat.geometry.contact import gap, gap_gradient
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_rotvec, quaternion_from_matrix, skew
 from ecat.model.prototype import BoxPrototype, MarkerFace, face_normal
 
@@ -43,13 +39,10 @@ _SIZE = 1  # of a box: relative growth of its edges, after its faces
 
 @dataclass(frozen=True)
 class Track:
-    """What one recording shows of one box in some frames (n,): ``table`` and ``box`` are indices into planes and
-    prototypes.
-    """
+    """What one recording shows of one box: ``table`` and ``box`` are indices into planes and prototypes."""
 
     table: int
     box: int
-    frame: NDArray[np.int64]
     seen: Sightings
 
 
@@ -58,19 +51,19 @@ class Priors:
     """How far things may be from what is assumed; standard deviations in metres and radians.
 
     A marker lies flat on its face, whose distance from the box's centre is half the edge: that fixes the
-    box's axes.  ``size_m``: how well edges are known, nominally.  ``point_m``: depth errs by centimetres alike on a
-    whole face, so here 3-D corners say little more than the scale.  ``overlap_m``: boxes are solid.  ``samples_per_view``: consecutive frames
+    box's axes.  ``marker_shift_m``: it is glued near the face's middle; ``size_m``: how well the edges are
+    known; together they settle the scale, to which images are blind.  ``point_m``: depth errs by centimetres
+    alike on a whole face, so 3-D corners count little here.  ``samples_per_view``: consecutive frames
     repeat each other's errors, so that many count as one.
     """
 
     size_m: float = 0.002
     face_distance_m: float = 0.0007
     face_tilt: float = 0.012
-    marker_shift_m: float = 0.01
+    marker_shift_m: float = 0.002
     side_m: float = 0.005
     polygon_m: float = 0.01
     point_m: float = 0.03
-    overlap_m: float = 0.001
     samples_per_view: float = 20.0
 
 
@@ -80,7 +73,6 @@ class Bundle:
 
     tables: tuple[Rigid, ...]
     prototypes: tuple[BoxPrototype, ...]
-    plane_covariance: Floats
     residual_px: float
 
 
@@ -108,17 +100,12 @@ def adjust(
     hessian = np.eye(1)
     for _ in range(rounds):
         system = _System(len(now), boxes)
-        responses = [np.empty(0)] * len(tracks)
         for i, track in enumerate(tracks):
             scene = _scene(track, now, boxes, camera)
             poses[i] = refine(
                 track.seen, scene, _at_rest(poses[i], scene), noise, freedom=RESTING, steps=3
             ).pose
-            responses[i] = system.add_track(track, scene, poses[i], noise, priors.samples_per_view)
-        for i, j in combinations(range(len(tracks)), 2):
-            if tracks[i].table == tracks[j].table:
-                pair = ((tracks[i], poses[i], responses[i]), (tracks[j], poses[j], responses[j]))
-                system.add_overlaps(*pair, priors.overlap_m)
+            system.add_track(track, scene, poses[i], noise, priors.samples_per_view)
         for i, points in enumerate(polygons):
             system.add_polygon(i, now[i].inverse().apply(points), priors.polygon_m)
         for i in range(len(boxes)):
@@ -129,20 +116,15 @@ def adjust(
         if np.abs(step).max() < 1e-6:
             break
     covariance = np.asarray(np.linalg.pinv(hessian, hermitian=True), np.float64)
-    errors = [
-        refine(t.seen, scene, _at_rest(p, scene), noise, freedom=RESTING, steps=3).errors_px
-        for t, p in zip(tracks, poses, strict=True)
-        if (scene := _scene(t, now, boxes, camera))
-    ]
-    made = tuple(
-        box.prototype(p, covariance, system_first)
-        for box, p, system_first in zip(boxes, prototypes, _firsts(len(now), boxes), strict=True)
-    )
-    planes = np.stack(
-        [covariance[_PLANE * i :][:_PLANE, _PLANE * i : _PLANE * (i + 1)] for i in range(len(now))]
-    )
-    left = np.concatenate([e[np.isfinite(e)] for e in errors])
-    return Bundle(tuple(now), made, planes, float(np.median(left)) if left.size else float("nan"))
+    firsts = _firsts(len(now), boxes)
+    made = tuple(box.prototype(p, covariance, f) for box, p, f in zip(boxes, prototypes, firsts, strict=True))
+    left = [_errors(t, _scene(t, now, boxes, camera), p, noise) for t, p in zip(tracks, poses, strict=True)]
+    return Bundle(tuple(now), made, float(np.median(np.concatenate(left))))
+
+
+def _errors(track: Track, scene: Scene, pose: Rigid, noise: Noise) -> Floats:
+    errors = refine(track.seen, scene, _at_rest(pose, scene), noise, freedom=RESTING, steps=3).errors_px
+    return errors[np.isfinite(errors)]
 
 
 @dataclass(frozen=True)
@@ -157,11 +139,11 @@ class _Geometry:
     growth: float
     normal: Floats
     nominal_distance: Floats
-    nominal_size: tuple[float, ...]
+    nominal_height: float
 
     @property
     def rest_height(self) -> float:
-        return self.nominal_size[2] / 2 * (1 + self.growth)
+        return self.nominal_height / 2 * (1 + self.growth)
 
     @classmethod
     def of(cls, p: BoxPrototype) -> _Geometry:
@@ -173,17 +155,12 @@ class _Geometry:
             0.0,
             normal,
             np.abs(normal @ np.array(p.size_m)) / 2,
-            p.size_m,
+            p.size_m[2],
         )
 
     @property
     def corners(self) -> Floats:
         return np.einsum("fij,kj->fki", self.turn, SQUARE) * self.side[:, None, None] + self.centre[:, None]
-
-    @property
-    def half(self) -> Floats:
-        """Half the edges (2,) along x and y."""
-        return np.array(self.nominal_size[:2]) / 2 * (1 + self.growth)
 
     def moved(self, step: Floats) -> _Geometry:
         by_face = step[: _FACE * len(self.side)].reshape(-1, _FACE)
@@ -232,12 +209,6 @@ def _firsts(tables: int, boxes: Sequence[_Geometry]) -> list[int]:
     return [_PLANE * tables + sum(sizes[:i]) for i in range(len(boxes))]
 
 
-def _flat(pose: Rigid) -> Floats:
-    """x, y and turn about z (n, 3) of resting boxes."""
-    turn = np.arctan2(pose.rotation[:, 1, 0], pose.rotation[:, 0, 0])
-    return np.concatenate([pose.translation[:, :2], turn[:, None]], 1)
-
-
 def _unknowns(box: _Geometry) -> int:
     return _FACE * len(box.side) + _SIZE
 
@@ -250,9 +221,6 @@ def _at_rest(pose: Rigid, scene: Scene) -> Rigid:
 def _tilted(table: Rigid, step: Floats) -> Rigid:
     turn = matrix_from_rotvec(np.array([step[0], step[1], 0.0]))
     return Rigid(table.rotation @ turn, table.apply(np.array([0.0, 0.0, step[2]])))
-
-
-_Posed: TypeAlias = tuple[Track, Rigid, Floats]
 
 
 class _System:
@@ -269,8 +237,7 @@ class _System:
 
     def add_track(
         self, track: Track, scene: Scene, pose: Rigid, noise: Noise, samples_per_view: float
-    ) -> Floats:
-        """Add what one box shows; the answer (n, 3, unknowns of all) tells how the poses follow the unknowns."""
+    ) -> None:
         box = self._boxes[track.box]
         placed = place(pose, scene.corners)
         parts = linearise(track.seen, scene, placed, noise)
@@ -281,37 +248,15 @@ class _System:
         for part in parts:
             a = (part.by_point @ moves).reshape(n, -1, m)
             b = (part.by_point @ shared_moves).reshape(n, -1, k)
-            miss = part.gap.reshape(n, -1, 1)
+            gap = part.gap.reshape(n, -1, 1)
             weight = np.repeat(part.weights.reshape(n, -1), part.gap.shape[-1], axis=1)[..., None]
             left, right = np.swapaxes(a * weight, 1, 2), np.swapaxes(b * weight, 1, 2)
             own, cross, shared = own + left @ a, cross + left @ b, shared + right @ b
-            pull, shared_pull = pull + left @ miss, shared_pull + right @ miss
-        inverse = np.linalg.inv(own + 1e-6 * np.eye(m))
-        back = np.swapaxes(cross, 1, 2) @ inverse
+            pull, shared_pull = pull + left @ gap, shared_pull + right @ gap
+        back = np.swapaxes(cross, 1, 2) @ np.linalg.inv(own + 1e-6 * np.eye(m))
         where = self._columns(track)
         self._hessian[np.ix_(where, where)] += (shared - back @ cross).sum(0) / samples_per_view
         self._gradient[where] += (shared_pull - back @ pull).sum(0)[:, 0] / samples_per_view
-        response = np.zeros((n, m, len(self._gradient)))
-        response[:, :, where] = -inverse @ cross
-        return response
-
-    def add_overlaps(self, first: _Posed, second: _Posed, sigma: float) -> None:
-        """Boxes that overlap in a frame are pushed apart; others do not say anything."""
-        _, rows_a, rows_b = np.intersect1d(first[0].frame, second[0].frame, return_indices=True)
-        flat = [_flat(pose)[rows] for (_, pose, _), rows in ((first, rows_a), (second, rows_b))]
-        half = [self._boxes[track.box].half for track, _, _ in (first, second)]
-        depth = gap(*flat, *half)
-        # deeper than a box's fifth is no contact but a wrong pose
-        inside = np.flatnonzero((depth < 0) & (depth > -0.4 * min(h.min() for h in half)))
-        if not inside.size:
-            return
-        slopes = gap_gradient(flat[0][inside], flat[1][inside], *half)
-        by_all = sum(
-            np.einsum("ni,nik->nk", slope, response[rows[inside]])
-            for slope, (_, _, response), rows in zip(slopes, (first, second), (rows_a, rows_b), strict=True)
-        )
-        for row, value in zip(by_all, depth[inside], strict=True):
-            self._add_row({0: row}, -value, sigma)
 
     def _columns(self, track: Track) -> list[int]:
         plane = range(_PLANE * track.table, _PLANE * (track.table + 1))
@@ -320,13 +265,13 @@ class _System:
 
     def add_polygon(self, table: int, points: Floats, sigma: float) -> None:
         points = points[np.isfinite(points).all(-1)]
-        miss = -points[:, 2] / sigma
-        weight = 1 / (1 + miss**2)
+        gap = -points[:, 2] / sigma
+        weight = 1 / (1 + gap**2)
         # a table turned about x by a lowers a point at y by a*y, in the table's own axes
         rows = np.stack([-points[:, 1], points[:, 0], -np.ones(len(points))], 1) / sigma
         at = slice(_PLANE * table, _PLANE * (table + 1))
         self._hessian[at, at] += (rows * weight[:, None]).T @ rows
-        self._gradient[at] += rows.T @ (weight * miss)
+        self._gradient[at] += rows.T @ (weight * gap)
 
     def add_priors(self, index: int, start: _Geometry, priors: Priors) -> None:
         first, box = self._firsts[index], self._boxes[index]
@@ -344,13 +289,13 @@ class _System:
                 self._add_row({at + 3: axis}, axis @ lean, priors.face_tilt)
             self._add_row({at + 6: np.ones(1)}, start.side[i] - box.side[i], priors.side_m)
 
-    def _add_row(self, row: dict[int, Floats], miss: float, sigma: float) -> None:
-        """One more residual ``miss - row @ step`` of standard deviation ``sigma``."""
+    def _add_row(self, row: dict[int, Floats], gap: float, sigma: float) -> None:
+        """One more residual ``gap - row @ step`` of standard deviation ``sigma``."""
         full = np.zeros(len(self._gradient))
         for at, values in row.items():
             full[at : at + len(values)] = values
         self._hessian += np.outer(full, full) / sigma**2
-        self._gradient += full * miss / sigma**2
+        self._gradient += full * gap / sigma**2
 
     def solve(self, *, planes_only: bool) -> tuple[Floats, Floats]:
         n = self._planes if planes_only else len(self._gradient)
@@ -374,5 +319,5 @@ def _by_shared(placed: Floats, box: _Geometry, pose: Rigid) -> Floats:
         out[:, f, :, :, at : at + 3] = pose.rotation[:, None]
         out[:, f, :, :, at + 3 : at + 6] = pose.rotation[:, None] @ -skew(arms[f])
         out[:, f, :, :, at + 6] = np.einsum("nij,kj->nki", pose.rotation, arms[f] / box.side[f])
-    out[..., 2, -1] = box.nominal_size[2] / 2
+    out[..., 2, -1] = box.nominal_height / 2
     return out

@@ -2,17 +2,19 @@
 
 Conventions
 -----------
-* ``frame`` counts the images of the annotated video from zero.  Frame -1 is legal in imported key frames and starts: the
-  position before the first image (ECAT's track bar has a position 0 that shows the first image; image i is at i + 1).
+* ``frame`` counts the images of the annotated video from zero.  Frame -1 is legal in imported key frames and
+  starts: the position before the first image (ECAT's track bar has a position 0 that shows the first image;
+  image i is at i + 1).
 * Intervals are half-open, ``[start_frame, end_frame)``.  ``*_ns`` are nanoseconds since the session's start, ``None``
   where the session has no clock.
-* 2-D coordinates are pixels of the colour image as stored (origin top left, u right, v down).  3-D coordinates are metres in
-  ``camera/depth`` (OpenCV axes).  A missing number is NaN.
+* 2-D coordinates are pixels of the colour image as stored (origin top left, u right, v down).  3-D
+  coordinates are metres in ``camera/depth`` (OpenCV axes).  A missing number is NaN.
 * ``foreign`` keeps what a foreign format said and this model has no field for, so that exporting back loses nothing.
   Keys are ``<format>:<name>``.
 
-A field whose metadata says ``tag`` holds child elements of that name in the XML; ``text`` makes it the element's text; every
-other field is an attribute.  ``ecat.store.xml`` reads and writes by that rule and ``schemas/annotation.xsd`` follows it.
+A field whose metadata says ``tag`` holds child elements of that name in the XML; ``text`` makes it the
+element's text; every other field is an attribute.  ``ecat.store.xml`` reads and writes by that rule and
+``schemas/annotation.xsd`` follows it.
 """
 
 from __future__ import annotations
@@ -68,8 +70,8 @@ class KeyFrame:
 class AnnotatedObject:
     """Something that takes part in events.
 
-    ``color`` is ``#rrggbbaa``; ``stream`` names the video whose pixels the key frames count; the marks of a ``marker_box``
-    and the joints of a ``rig`` are in tables, not here.
+    ``color`` is ``#rrggbbaa``; ``stream`` names the video whose pixels the key frames count; the marks of a
+    ``marker_box`` and the joints of a ``rig`` are in tables, not here.
     """
 
     id: str
@@ -190,7 +192,8 @@ class Relation:
 class Layer:
     """Everything one annotator (or one machine) said about a session.
 
-    ``object_counter`` and ``event_counter`` are the last numbers used for ids: ids of deleted things are not given again.
+    ``object_counter`` and ``event_counter`` are the last numbers used for ids: ids of deleted things are not
+    given again.
     """
 
     name: str = field(default="main", metadata={"always": True})

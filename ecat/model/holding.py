@@ -1,7 +1,7 @@
 """Which relations hold when: marked facts turned into intervals (ECAT 2018 file format §2.10).
 
-A positive fact first ends the facts that conflict with it by a constraint, then holds itself, unless one of its objects is
-absent (IDENTITY is exempt).  A negative fact ends its exact positive counterpart.
+A positive fact first ends the facts that conflict with it by a constraint, then holds itself, unless one of
+its objects is absent (IDENTITY is exempt).  A negative fact ends its exact positive counterpart.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from ecat.model.scheme import CodingScheme
 def present_at(thing: AnnotatedObject, frame: int) -> bool:
     """Whether the object is there at ``frame``: its last key frame up to then is not an absence.
 
-    An object without key frames (its marks are in a table) counts as present.  Unlike ECAT, an absence at the very first
-    frame counts.
+    An object without key frames (its marks are in a table) counts as present.  Unlike ECAT, an absence at the
+    very first frame counts.
     """
     last = None
     for key in thing.key_frames:
@@ -53,8 +53,9 @@ def intervals(
 ) -> Iterator[tuple[int, Relation, int | None]]:
     """Every positive relation with the frame at which it stops holding.
 
-    Yields ``(index, relation, end_frame)`` where ``index`` counts ``relations`` and ``end_frame`` is ``None`` for facts that
-    hold to the end of the session.  ``is_present(object_id, frame)`` answers for ids of other sessions too.
+    Yields ``(index, relation, end_frame)`` where ``index`` counts ``relations`` and ``end_frame`` is ``None``
+    for facts that hold to the end of the session.  ``is_present(object_id, frame)`` answers for ids of other
+    sessions too.
     """
     held: list[tuple[int, Relation]] = []
     ordered = sorted(enumerate(relations), key=lambda pair: pair[1].start_frame)
@@ -73,7 +74,9 @@ def intervals(
                 still.append((i, old))
         held = still
         exempt = relation.predicate == "IDENTITY"
-        if relation.polarity and (exempt or all(is_present(t, relation.start_frame) for t in relation.targets)):
+        if relation.polarity and (
+            exempt or all(is_present(t, relation.start_frame) for t in relation.targets)
+        ):
             held.append((index, relation))
     for index, relation in held:
         yield index, relation, None

@@ -111,7 +111,8 @@ def _box(data: object, problems: list[str]) -> BoxPrototype:
         rows = []
     faces = tuple(_face(row, f"faces[{i}]", problems) for i, row in enumerate(cast("list[object]", rows)))
     for key in ("face", "code"):
-        seen = [getattr(f, key) for f in faces]
+        # texts: what is no face may not even be hashable
+        seen = [str(getattr(f, key)) for f in faces]
         if len(set(seen)) < len(seen):
             problems.append(f"faces: the same {key} occurs twice")
     return BoxPrototype(str(name), cast("Triple", size), faces)
@@ -158,7 +159,12 @@ def _mapping(data: object, path: str, keys: Sequence[str], problems: list[str]) 
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 def _numbers(value: object, n: int, path: str, problems: list[str]) -> tuple[float, ...]:

@@ -1,7 +1,8 @@
 """The coding scheme: which tiers, event types, roles and predicates an annotation may use, and their constraints.
 
-Tier constraints are those of ELAN and ANVIL (``included_in``, ``subdivision``, ``no_overlap``); predicate constraints are
-those of ECAT (UNIQUE over arguments, EXCLUSIVE over unary predicates; ECAT 2018 file format §1.10, §2.10).
+Tier constraints are those of ELAN and ANVIL (``included_in``, ``subdivision``, ``no_overlap``); predicate
+constraints are those of ECAT (UNIQUE over arguments, EXCLUSIVE over unary predicates; ECAT 2018 file format
+§1.10, §2.10).
 """
 
 from __future__ import annotations
@@ -53,8 +54,11 @@ class PredicateType:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constraint:
-    """UNIQUE: two positive facts of ``predicates[0]`` that agree in all arguments but number ``unique_argument`` (from 1)
-    conflict.  EXCLUSIVE: two different positive unary ``predicates`` (comma separated) on one object conflict."""
+    """Which facts exclude each other.
+
+    UNIQUE: two positive facts of ``predicates[0]`` that agree in all arguments but number ``unique_argument`` (from 1).
+    EXCLUSIVE: two different positive unary ``predicates`` (comma separated) on one object.
+    """
 
     kind: Literal["UNIQUE", "EXCLUSIVE"]
     predicates: str

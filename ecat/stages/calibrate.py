@@ -94,7 +94,7 @@ def calibrate_boxes(
         for table, sightings in zip(drawn, seen, strict=True)
     ]
     tracks = [
-        Track(i, box.prototype, *box.every(parameters.every))
+        Track(i, box.prototype, box.seen[:: parameters.every])
         for i, boxed in enumerate(seen)
         for box in boxed
     ]

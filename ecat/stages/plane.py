@@ -63,17 +63,7 @@ def fit_table(
     parameters = parameters or PlaneParameters()
     polygon = np.asarray(polygon, float).reshape(-1, 3)
     drawn = np.isfinite(polygon).all(1).sum() >= 3
-    boxes: list[BoxSightings] = []
-    if markers_2d is not None:
-        faces = read_faces(markers_2d, markers_3d, parameters.camera)
-        boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
-        # nominal boxes would pull the plane to where their tables are wrong
-        measured = [all(f.sigma_m is not None for f in p.faces) for p in parameters.prototypes]
-        boxes = [
-            box
-            for box in boxes
-            if len(box.frame) >= MIN_BOX_FRAMES and (measured[box.prototype] or not drawn)
-        ]
+    boxes = _standing_boxes(markers_2d, markers_3d, parameters, unmeasured=not drawn)
     if drawn:
         start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
     elif boxes:
@@ -87,7 +77,7 @@ def fit_table(
         )
     if not boxes:
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
-    tracks = [Track(0, box.prototype, *box.every(parameters.every)) for box in boxes]
+    tracks = [Track(0, box.prototype, box.seen[:: parameters.every]) for box in boxes]
     first = plane_frame(start.normal, start.offset)
     bundle = adjust(
         tracks,
@@ -103,6 +93,24 @@ def fit_table(
     frame = plane_frame(fit.normal, fit.offset)
     seen = sum(len(track.seen) for track in tracks)
     return _rows(fit, frame, "polygon+boxes" if drawn else "boxes", len(polygon) + seen, seen)
+
+
+def _standing_boxes(
+    markers_2d: pa.Table | None,
+    markers_3d: pa.Table | None,
+    parameters: PlaneParameters,
+    *,
+    unmeasured: bool,
+) -> list[BoxSightings]:
+    """Boxes seen often enough; nominal ones only if asked for: they pull the plane to where their tables are
+    wrong.
+    """
+    if markers_2d is None:
+        return []
+    faces = read_faces(markers_2d, markers_3d, parameters.camera)
+    boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
+    measured = [all(f.sigma_m is not None for f in p.faces) for p in parameters.prototypes]
+    return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and (measured[b.prototype] or unmeasured)]
 
 
 def standing_points(

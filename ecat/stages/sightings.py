@@ -53,11 +53,6 @@ class BoxSightings:
     frame: NDArray[np.int64]
     seen: Sightings
 
-    def every(self, step: int) -> tuple[NDArray[np.int64], Sightings]:
-        """The frames whose number is a multiple of ``step``, the same for all boxes."""
-        rows = self.frame % step == 0
-        return self.frame[rows], self.seen[rows]
-
 
 def read_faces(markers_2d: pa.Table | None, markers_3d: pa.Table | None, camera: Camera) -> Faces:
     """Join the tables ``markers_2d`` and ``markers_3d`` (either may be None) by frame, object and order.

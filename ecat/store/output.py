@@ -30,22 +30,33 @@ def staged_file(dest: Path, *, replace: bool = False) -> Generator[Path]:
     ExistsError : ``dest`` is there, and is not to be replaced.
     """
     what = f"cannot write {dest.name}"
+    staging = dest.with_name(f".{dest.name}.{secrets.token_hex(8)}.partial")
+    made = [folder for folder in (dest.parent, *dest.parent.parents) if not folder.exists()]
+    try:
+        with files.typed_errors(what, dest, f"nothing was written to {dest}"):
+            _must_be_free(dest, replace=replace)
+            for folder in reversed(made):
+                files.make_folder(folder)
+            yield staging
+            files.sync(staging)
+            _must_be_free(dest, replace=replace)
+            files.rename(staging, dest)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            staging.unlink(missing_ok=True)
+            for folder in made:
+                folder.rmdir()
+        raise
+    with files.typed_errors(what, dest, f"{dest} is there, but may not survive a power failure"):
+        for folder in (dest.parent, *(folder.parent for folder in made)):
+            files.sync(folder)
+
+
+def _must_be_free(dest: Path, *, replace: bool) -> None:
     if dest.exists() and not replace:
         raise ExistsError(
-            what,
+            f"cannot write {dest.name}",
             where=f"{dest}: there is something already",
             consequence="it was left as it is",
             fix="choose another name",
         )
-    staging = dest.with_name(f".{dest.name}.{secrets.token_hex(8)}.partial")
-    try:
-        with files.typed_errors(what, dest, f"nothing was written to {dest}"):
-            if not dest.parent.exists():
-                files.make_folder(dest.parent)
-            yield staging
-            files.sync(staging)
-            files.rename(staging, dest)
-            files.sync(dest.parent)
-    finally:
-        with contextlib.suppress(OSError):
-            staging.unlink(missing_ok=True)

@@ -1,11 +1,12 @@
 """Annotation layers as Parquet-ready tables: the same facts as the XML, tidy, for queries.
 
-Frames are clamped to the recording's start and every interval has at least one image: position -1 of an imported key frame
-shows the first image (see :mod:`ecat.model.annotation`).
+Frames are clamped to the recording's start and every interval has at least one image: position -1 of an
+imported key frame shows the first image (see :mod:`ecat.model.annotation`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -40,7 +41,9 @@ def _table(rows: list[Row], schema: pa.Schema) -> pa.Table:
     )
 
 
-def _interval(manifest: Manifest, start: int, end: int | None, start_ns: int | None, end_ns: int | None) -> Row:
+def _interval(
+    manifest: Manifest, start: int, end: int | None, start_ns: int | None, end_ns: int | None
+) -> Row:
     start = max(start, 0)
     end = None if end is None else max(end, start + 1)
     clock, n = manifest.clock, manifest.n_frames
@@ -85,7 +88,7 @@ def _vertices(
         "dimensions": dimensions,
         "present": key.present,
     }
-    numbers: list[float | None] = [None if value != value else value for value in key.coordinates]
+    numbers: list[float | None] = [None if math.isnan(value) else value for value in key.coordinates]
     found = [
         base | {"vertex": i, "x": vertex[0], "y": vertex[1], "z": vertex[2] if dimensions == 3 else None}
         for i, vertex in enumerate(zip(*[iter(numbers)] * dimensions, strict=False))
@@ -126,7 +129,13 @@ def _events(layer: Layer, manifest: Manifest, rows: dict[str, list[Row]]) -> Non
         ]
         rows["event_roles"] += [
             key
-            | {"role": "reference", "kind": "object", "target": r.target, "text_start": r.start, "text_end": r.end}
+            | {
+                "role": "reference",
+                "kind": "object",
+                "target": r.target,
+                "text_start": r.start,
+                "text_end": r.end,
+            }
             for r in event.references
         ]
 

@@ -2,15 +2,18 @@
 
 One rule serves reading, writing and the XSD (:mod:`ecat.store.xsd`): a field whose metadata has ``tag`` holds child
 elements of that name, ``text`` is the element's text, ``element`` a child element with text only, every other field an
-attribute that is left out when it has its default (unless ``always``).  Output is stable, indented by two spaces, one element per line, so
-that a diff shows what a person changed.  Text keeps its white space.
+attribute that is left out when it has its default (unless ``always``).  Output is stable, indented by two
+spaces, one element per line, so that a diff shows what a person changed.  Text keeps its white space.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
+from itertools import islice
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 from xml.sax.saxutils import escape, quoteattr
 
@@ -20,12 +23,23 @@ from pydantic import TypeAdapter, ValidationError
 from ecat.errors import FormatError, LimitError, SchemaError
 from ecat.model import CodingScheme, Layer
 
-MAX_BYTES = 512 * 1024 * 1024
+MAX_BYTES = 64 << 20
+"""Every byte of XML can take more than sixty bytes of memory."""
+_MAX_TEXT = 10_000_000  # bytes of UTF-8 of one text or attribute; libxml2 reads no more
+_MAX_PROBLEMS = 100
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ENCODINGS = {"UTF-8", "US-ASCII", "ASCII"}
 _HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
 def layer_to_xml(layer: Layer) -> bytes:
-    """The layer as UTF-8 XML with a final line feed."""
+    """The layer as UTF-8 XML with a final line feed.
+
+    Raises
+    ------
+    SchemaError : a text cannot be in XML (control characters), or is too long; ``problems`` names each.
+    LimitError : the document would be too large to be read again.
+    """
     return _document("annotation", layer)
 
 
@@ -35,13 +49,15 @@ def layer_from_xml(data: bytes, *, name: str) -> Layer:
     Raises
     ------
     FormatError : not well-formed, or with a DOCTYPE; the message names the line.
-    SchemaError : against the schema; ``problems`` lists every finding with its path in the document.
+    SchemaError : against the schema; ``problems`` lists every finding (the first hundred) with its path in the
+        document, where ``object[0]`` is the first object.
+    LimitError : larger than ``MAX_BYTES``.
     """
     return _read(Layer, "annotation", data, name)
 
 
 def scheme_to_xml(scheme: CodingScheme) -> bytes:
-    """The coding scheme as UTF-8 XML with a final line feed."""
+    """The coding scheme as UTF-8 XML with a final line feed; errors as in :func:`layer_to_xml`."""
     return _document("coding_scheme", scheme)
 
 
@@ -73,7 +89,9 @@ def child_types(kind: type) -> dict[str, tuple[str, type]]:
 
 @cache
 def _roles(kind: type) -> tuple[tuple[str, str, Any], ...]:
-    return tuple((f.name, field_role(f), MISSING if f.metadata.get("always") else f.default) for f in fields(kind))
+    return tuple(
+        (f.name, field_role(f), MISSING if f.metadata.get("always") else f.default) for f in fields(kind)
+    )
 
 
 @cache
@@ -93,7 +111,42 @@ def _choices(kind: type) -> dict[str, dict[str, Any]]:
 def _document(tag: str, value: Any) -> bytes:
     out = [_HEADER]
     _write(out, tag, value, "")
-    return "".join(out).encode()
+    text = "".join(out)
+    # a line holds at most one text; the fields are looked through only if something may be wrong
+    if _NOT_XML.search(text) or max(map(len, out)) > _MAX_TEXT // 4:
+        if problems := tuple(islice(_unwritable(value, f"/{tag}"), _MAX_PROBLEMS)):
+            raise SchemaError(
+                f"cannot write the {tag.replace('_', ' ')} {value.name!r}",
+                problems=problems,
+                consequence="nothing was written",
+                fix="remove the control characters, or shorten the text",
+            )
+    data = text.encode()
+    if len(data) > MAX_BYTES:
+        raise LimitError(
+            f"cannot write the {tag.replace('_', ' ')} {value.name!r}",
+            where=f"{len(data)} bytes, at most {MAX_BYTES} can be read again",
+            consequence="nothing was written",
+            fix="what has a row per frame belongs in a table",
+        )
+    return data
+
+
+def _unwritable(value: Any, path: str) -> Iterator[str]:
+    """What XML cannot hold, each with its path."""
+    tags = {name: tag for tag, (name, _) in child_types(type(value)).items()}
+    for name, role, _ in _roles(type(value)):
+        item = getattr(value, name)
+        if role == "children":
+            for i, child in enumerate(item):
+                yield from _unwritable(child, f"{path}/{tags[name]}[{i}]")
+            continue
+        text = " ".join(map(_number, item)) if role == "text" else _scalar(item)
+        where = {"attribute": f"{path}/@{name}", "element": f"{path}/{name}", "text": path}[role]
+        if found := _NOT_XML.search(text):
+            yield f"{where}: U+{ord(found[0]):04X} at position {found.start()} cannot be written as XML"
+        elif len(text.encode()) > _MAX_TEXT:
+            yield f"{where}: {len(text.encode())} bytes, at most {_MAX_TEXT} can be read again"
 
 
 _ESCAPES = {"\r": "&#13;"}
@@ -111,7 +164,8 @@ def _number(value: float) -> str:
         return "NaN"
     if math.isinf(value):
         return "INF" if value > 0 else "-INF"
-    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    # float: the repr of numpy's numbers names their type
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
 def _write(out: list[str], tag: str, value: Any, indent: str) -> None:
@@ -162,17 +216,38 @@ def _read(kind: type, tag: str, data: bytes, name: str) -> Any:
             fix="name an annotation file written by ecat",
         )
     values = _collect(root, kind, f"/{tag}", problems)
+    try:
+        made = _adapter(kind).validate_python(values)
+    except ValidationError as error:
+        made = None
+        problems += [
+            f"{_place(kind, tag, e['loc'])}: {e['msg']}"
+            for e in islice(error.errors(include_url=False), _MAX_PROBLEMS)
+        ]
     if not problems:
-        try:
-            return _adapter(kind).validate_python(values)
-        except ValidationError as error:
-            problems += [f"/{tag}/{'/'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
+        return made
     raise SchemaError(
         f"cannot read {name}",
-        problems=tuple(problems),
+        problems=tuple(problems[:_MAX_PROBLEMS]),
         consequence="the layer was not read; nothing was changed",
         fix="ecat check shows every finding; an earlier version of the file may be in version control",
     )
+
+
+def _place(kind: type, tag: str, loc: tuple[int | str, ...]) -> str:
+    """Where in the document a field is, given its place in the dataclasses."""
+    path = f"/{tag}"
+    for part in loc:
+        tags = {name: (child_tag, child) for child_tag, (name, child) in child_types(kind).items()}
+        role = {name: role for name, role, _ in _roles(kind)}.get(str(part))
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part in tags:
+            child_tag, kind = tags[part]
+            path += f"/{child_tag}"
+        else:
+            path += {"attribute": f"/@{part}", "text": "/text()"}.get(role or "", f"/{part}")
+    return path
 
 
 def _parse(data: bytes, name: str) -> Any:
@@ -188,13 +263,19 @@ def _parse(data: bytes, name: str) -> Any:
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
     try:
-        return etree.fromstring(data, parser)
+        root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise FormatError(f"cannot read {name}", where=f"line {error.lineno}: {error.msg}") from None
+        where = f"line {error.lineno}: {' '.join((error.msg or 'not XML').split())}"
+        raise FormatError(f"cannot read {name}", where=where) from None
+    # in another encoding the bytes of a document type look different
+    encoding = root.getroottree().docinfo.encoding
+    if encoding.upper() not in _ENCODINGS:
+        raise FormatError(f"cannot read {name}", where=f"its encoding is {encoding}, expected UTF-8")
+    return root
 
 
 def _collect(element: Any, kind: type, path: str, problems: list[str]) -> dict[str, Any]:
-    """The element as nested dictionaries for validation; unknown parts are added to ``problems``."""
+    """The element as nested dictionaries for validation; what would be lost is added to ``problems``."""
     values: dict[str, Any] = {}
     roles = {name: role for name, role, _ in _roles(kind)}
     choices = _choices(kind)
@@ -202,10 +283,12 @@ def _collect(element: Any, kind: type, path: str, problems: list[str]) -> dict[s
         if roles.get(key) == "attribute":
             values[key] = choices[key].get(text, text) if key in choices else text
         else:
-            problems.append(f"{path}/@{key}: unknown attribute (line {element.sourceline})")
-    for name, role in roles.items():
-        if role == "text":
-            values[name] = (element.text or "").split()
+            _unknown(f"{path}/@{key}", "attribute", element, problems)
+    texts = [name for name, role in roles.items() if role == "text"]
+    for name in texts:
+        values[name] = (element.text or "").split()
+    if not texts and (element.text or "").strip():
+        _unknown(f"{path}/text()", "text", element, problems)
     kinds = child_types(kind)
     lists: dict[str, list[Any]] = {}
     for child in element:
@@ -213,8 +296,17 @@ def _collect(element: Any, kind: type, path: str, problems: list[str]) -> dict[s
             name, child_kind = kinds[child.tag]
             found = lists.setdefault(name, [])
             found.append(_collect(child, child_kind, f"{path}/{child.tag}[{len(found)}]", problems))
-        elif roles.get(child.tag) == "element":
+        elif roles.get(child.tag) == "element" and child.tag not in values:
             values[child.tag] = child.text or ""
+            for key in (*(f"@{name}" for name in child.attrib), *(inner.tag for inner in child)):
+                _unknown(f"{path}/{child.tag}/{key}", "part", child, problems)
         else:
-            problems.append(f"{path}/{child.tag}: unknown element (line {child.sourceline})")
+            _unknown(f"{path}/{child.tag}", "element", child, problems)
+        if (child.tail or "").strip():
+            _unknown(f"{path}/text()", "text", child, problems)
     return {**values, **{name: tuple(items) for name, items in lists.items()}}
+
+
+def _unknown(path: str, what: str, element: Any, problems: list[str]) -> None:
+    if len(problems) < _MAX_PROBLEMS:
+        problems.append(f"{path}: unknown {what} (line {element.sourceline})")

@@ -44,14 +44,18 @@ def _complex_type(kind: type, named: dict[str, list[str]]) -> None:
     for item in fields(kind):
         role = field_role(item)
         if role == "attribute":
-            required = ' use="required"' if item.default is MISSING and item.default_factory is MISSING else ""
+            required = (
+                ' use="required"' if item.default is MISSING and item.default_factory is MISSING else ""
+            )
             attributes += _attribute(item.name, hints[item.name], required)
         elif role == "element":
             particles.append(f'      <xs:element name="{item.name}" type="xs:string" minOccurs="0"/>')
         elif role == "text":
             mixed = ' mixed="true"'
     for tag, (_, child) in child_types(kind).items():
-        particles.append(f'      <xs:element name="{tag}" type="{child.__name__}" minOccurs="0" maxOccurs="unbounded"/>')
+        particles.append(
+            f'      <xs:element name="{tag}" type="{child.__name__}" minOccurs="0" maxOccurs="unbounded"/>'
+        )
         _complex_type(child, named)
     doc = " ".join((kind.__doc__ or "").split())
     named[kind.__name__] = [
@@ -68,7 +72,9 @@ def _attribute(name: str, hint: Any, required: str) -> list[str]:
         hint = next(arg for arg in get_args(hint) if arg is not type(None))
     if get_origin(hint) is Literal:
         values = "".join(f"<xs:enumeration value={quoteattr(str(v))}/>" for v in get_args(hint))
-        restriction = f'<xs:simpleType><xs:restriction base="xs:string">{values}</xs:restriction></xs:simpleType>'
+        restriction = (
+            f'<xs:simpleType><xs:restriction base="xs:string">{values}</xs:restriction></xs:simpleType>'
+        )
         return [f'    <xs:attribute name="{name}"{required}>{restriction}</xs:attribute>']
     return [f'    <xs:attribute name="{name}" type="{_SIMPLE[hint]}"{required}/>']
 

@@ -29,8 +29,10 @@ CODE = STELLA_ARTOIS.faces[0].code
 
 
 def photograph(camera: Camera, code: str, turn_deg: float) -> tuple[str, Floats]:
-    """A print held before the camera, turned in its plane: the code as a detector reads it, and its ring of corners
-    clockwise on the screen from the leftmost; and nothing else, in particular not the way ``identify`` thinks."""
+    """A print held before the camera, turned in its plane: the code as a detector reads it, and its ring of
+    corners clockwise on the screen from the leftmost; and nothing else, in particular not the way
+    ``identify`` thinks.
+    """
     n = 5
     turn = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix() @ np.diag([1.0, -1, -1])
     corners = camera.project((SQUARE @ turn.T) * 0.1 + [0, 0, 1])

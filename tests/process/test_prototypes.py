@@ -33,7 +33,7 @@ def test_calibration_finds_the_sample_s_boxes_within_two_millimetres(tmp_path: P
     draft, truth = sample_session(seed=3)
     create_session(tmp_path / "session", draft)
     found = {box.name: box for box in calibrate([tmp_path / "session"])}
-    for true in truth.scene.boxes:
+    for true in truth.prototypes:
         box = found[true.name]
         for face in true.faces:
             best = min(abs(f.side_m - face.side_m) for f in box.faces)

@@ -44,4 +44,6 @@ def generated() -> Callable[..., Recorded]:
 @pytest.fixture(scope="session")
 def real(shared: Path) -> dict[tuple[str, str], Recorded]:
     """The three given Kinect sessions, read directly, so that these tests stand without the importer."""
-    return {name: read_session(shared / "ecat_kinect" / name[0] / name[1] / "files.param") for name in SESSIONS}
+    return {
+        name: read_session(shared / "ecat_kinect" / name[0] / name[1] / "files.param") for name in SESSIONS
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -40,7 +41,9 @@ class Recorded:
 
 
 def read_code(printed: str, start: int) -> str:
-    """The code a detector reads from a mirrored image, whose leftmost corner is the print's corner ``start``."""
+    """The code a detector reads from a mirrored image, whose leftmost corner is the print's corner
+    ``start``.
+    """
     corners = np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]])  # row, column of TL, TR, BR, BL
     ring = corners[[CLOCKWISE[(CLOCKWISE.index(start) + k) % 4] for k in range(4)]]
     cells = (np.arange(5) + 0.5) / 5
@@ -50,15 +53,17 @@ def read_code(printed: str, start: int) -> str:
 
 
 def marker_tables(box: BoxPrototype, pose: Rigid, noise_px: float) -> tuple[pa.Table, pa.Table]:
-    """What the detector of 2018 would have stored of a box at poses (n), frame by frame, largest face first."""
+    """What the detector of 2018 would have stored of a box at poses (n), frame by frame, largest face
+    first.
+    """
     rng = np.random.default_rng(7)
     placed = TABLE.apply(place(pose, box_corners(box)))
     normal = np.cross(placed[..., 1, :] - placed[..., 0, :], placed[..., 3, :] - placed[..., 0, :])
     eye = KINECT_V2_COLOR.from_reference.inverse().translation
     away = (normal * (placed.mean(2) - eye)).sum(-1)
     pixels = np.round(KINECT_V2_COLOR.project(placed) + rng.normal(0, noise_px, (*placed.shape[:-1], 2)))
-    flat: list[dict[str, object]] = []
-    solid: list[dict[str, object]] = []
+    flat: list[dict[str, Any]] = []
+    solid: list[dict[str, Any]] = []
     for frame in range(len(pixels)):
         for order, face in enumerate(np.argsort(-away[frame])[: int((away[frame] > 0).sum())]):
             ring = pixels[frame, face][list(CLOCKWISE)]
@@ -73,15 +78,20 @@ def marker_tables(box: BoxPrototype, pose: Rigid, noise_px: float) -> tuple[pa.T
     return _marker_table(flat), _marker_table(solid)
 
 
-def _marker_table(rows: list[dict[str, object]]) -> pa.Table:
+def _marker_table(rows: list[dict[str, Any]]) -> pa.Table:
     table = pa.Table.from_pylist(rows)
-    types = {"frame": pa.int32(), "order": pa.int16(), "object_id": pa.dictionary(pa.int32(), pa.string())}
-    return table.cast(pa.schema([(f.name, types.get(f.name, f.type)) for f in table.schema]))
+    types: dict[str, pa.DataType] = {
+        "frame": pa.int32(),
+        "order": pa.int16(),
+        "object_id": pa.dictionary(pa.int32(), pa.string()),
+    }
+    wanted = [field.with_type(types[field.name]) if field.name in types else field for field in table.schema]
+    return table.cast(pa.schema(wanted))
 
 
 def clock_of(n: int, duration_ns: float) -> pa.Table:
     t_ns = np.linspace(0, duration_ns, n).astype(np.int64)
-    return pa.table({"t_ns": t_ns, "frame": np.arange(n, dtype=np.int32)})
+    return pa.table({"t_ns": pa.array(t_ns), "frame": pa.array(np.arange(n, dtype=np.int32))})
 
 
 SESSIONS = (("SlideAway", "Session1"), ("SlideNext", "Session2"), ("SlidePast", "Session1"))
@@ -94,16 +104,15 @@ def _numbers(text: str | None) -> list[float]:
 def read_session(path: Path) -> Recorded:
     session = etree.parse(path).getroot()
     n, duration_ms = int(session.get("length", "0")), int(session.get("duration", "0"))
-    flat: list[dict[str, object]] = []
-    solid: list[dict[str, object]] = []
+    flat: list[dict[str, Any]] = []
+    solid: list[dict[str, Any]] = []
     polygon: list[Floats] = []
     names: dict[str, str] = {}
     for thing in session.iterfind("objects/object"):
         object_id = thing.get("id", "")
         names[object_id] = thing.get("name", "")
         for marker in thing.iterfind("markers3d/marker"):
-            if marker.text and marker.text.strip():
-                polygon.append(_space(_numbers(marker.text)))
+            polygon += [_space(_numbers(marker.text))] if (marker.text or "").strip() else []
         for group, rows in (("markers", flat), ("markers3d", solid)):
             for face in thing.iterfind(f"{group}/marker/face"):
                 marker = face.getparent()
@@ -111,7 +120,7 @@ def read_session(path: Path) -> Recorded:
                 frame = int(marker.get("frame", "0"))
                 corners = _numbers(face.findtext("bounding"))
                 code = (face.findtext("code") or "").replace(" ", "").replace(",", "")
-                row: dict[str, object] = {"t_ns": frame, "frame": frame, "object_id": object_id}
+                row: dict[str, Any] = {"t_ns": frame, "frame": frame, "object_id": object_id}
                 row |= {"order": marker.index(face), "code": code}
                 if group == "markers":
                     row |= {f"{a}{i}_px": corners[2 * i + j] for i in range(4) for j, a in enumerate("uv")}

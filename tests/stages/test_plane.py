@@ -22,7 +22,9 @@ NONE: Floats = np.empty((0, 3))
 
 def measured(box: BoxPrototype | None) -> PlaneParameters:
     assert box is not None
-    return PlaneParameters(prototypes=(replace(box, faces=tuple(replace(f, sigma_m=0.001) for f in box.faces)),))
+    return PlaneParameters(
+        prototypes=(replace(box, faces=tuple(replace(f, sigma_m=0.001) for f in box.faces)),)
+    )
 
 
 def off(plane: pa.Table) -> tuple[float, float]:
@@ -92,8 +94,15 @@ def test_polygons_are_read_from_key_frames() -> None:
 
 def test_the_stage_is_the_function(generated: Generated) -> None:
     points = generated(5).polygon
-    columns = {axis: points[:, i] for i, axis in enumerate("xyz")}
-    keyframes = pa.table({"object_id": ["o5"] * 4, "dimensions": [3] * 4, "vertex": range(4), **columns})
+    columns = {axis: pa.array(points[:, i]) for i, axis in enumerate("xyz")}
+    keyframes = pa.table(
+        {
+            "object_id": pa.array(["o5"] * 4),
+            "dimensions": pa.array([3] * 4),
+            "vertex": pa.array(range(4)),
+            **columns,
+        }
+    )
     made = PLANE.run({"keyframes": keyframes}, PLANE.parameters())
     assert tuple(made) == PLANE.outputs
     assert off(made["table_plane"]) == pytest.approx((0, 0), abs=1e-4)

@@ -20,14 +20,20 @@ Generated = Callable[..., Recorded]
 
 
 def columns(table: pa.Table, names: str) -> Floats:
-    return np.stack([np.asarray(table[name].to_numpy(zero_copy_only=False), float) for name in names.split()], -1)
+    return np.stack(
+        [np.asarray(table[name].to_numpy(zero_copy_only=False), float) for name in names.split()], -1
+    )
 
 
-def solve(session: Recorded, markers_2d: pa.Table | None = None, markers_3d: pa.Table | None = None) -> pa.Table:
+def solve(
+    session: Recorded, markers_2d: pa.Table | None = None, markers_3d: pa.Table | None = None
+) -> pa.Table:
     assert session.prototype is not None
     plane = fit_table(session.polygon)
     given = session.markers_2d if markers_2d is None and markers_3d is None else markers_2d
-    return estimate_poses(session.clock, given, markers_3d, plane, PoseParameters(prototypes=(session.prototype,)))
+    return estimate_poses(
+        session.clock, given, markers_3d, plane, PoseParameters(prototypes=(session.prototype,))
+    )
 
 
 def off_mm(session: Recorded, poses: pa.Table) -> Floats:
@@ -56,7 +62,9 @@ def test_position_and_orientation_are_right(generated: Generated) -> None:
     assert session.table is not None
     frame = table_frame(fit_table(session.polygon))
     found = frame @ Rigid.from_quaternion(columns(poses, "qx qy qz qw"), columns(poses, "x y z"))
-    angle = quaternion_angle(found.quaternion, quaternion_from_matrix((session.table @ session.pose).rotation))
+    angle = quaternion_angle(
+        found.quaternion, quaternion_from_matrix((session.table @ session.pose).rotation)
+    )
     assert np.degrees(np.median(angle)) < 0.5
     assert pc.max(poses["residual_px"]).as_py() < 1.5
 
@@ -99,7 +107,9 @@ def test_corners_in_space_alone_are_enough(generated: Generated) -> None:
 
 
 def test_two_and_three_dimensional_corners_are_paired(generated: Generated) -> None:
-    """Their rings start at different corners (ECAT 2018 file format §0.3); paired wrongly they would contradict."""
+    """Their rings start at different corners (ECAT 2018 file format §0.3); paired wrongly they would
+    contradict.
+    """
     session = generated(60)
     poses = solve(session, session.markers_2d, session.markers_3d)
     assert np.median(off_mm(session, poses)) < 0.3
@@ -108,7 +118,9 @@ def test_two_and_three_dimensional_corners_are_paired(generated: Generated) -> N
 def test_codes_of_no_known_box_are_ignored(generated: Generated) -> None:
     session = generated(20)
     other = session.markers_2d.set_column(
-        session.markers_2d.schema.get_field_index("code"), "code", pa.array(["0" * 25] * session.markers_2d.num_rows)
+        session.markers_2d.schema.get_field_index("code"),
+        "code",
+        pa.array(["0" * 25] * session.markers_2d.num_rows),
     )
     assert solve(session, other).num_rows == 0
 
@@ -132,7 +144,9 @@ def test_without_a_plane_there_are_no_poses(generated: Generated) -> None:
 def test_the_stage_is_the_function(generated: Generated) -> None:
     session = generated(20)
     assert session.prototype is not None
-    plane = fit_table(session.polygon, session.markers_2d, None, PlaneParameters(prototypes=(session.prototype,)))
+    plane = fit_table(
+        session.polygon, session.markers_2d, None, PlaneParameters(prototypes=(session.prototype,))
+    )
     tables = {"clock": session.clock, "table_plane": plane, "markers_2d": session.markers_2d}
     made = POSE.run(tables, POSE.parameters(prototypes=(session.prototype,)))
     assert tuple(made) == POSE.outputs

@@ -69,7 +69,10 @@ def test_noise_shrinks_and_motion_stays(generated: Generated) -> None:
     poses = poses_of(session)
     smoothed = smooth_poses(poses)
     # table frames differ within the plane, so deviations are compared after removing the common part
-    off = [np.linalg.norm((d := place(p) - session.pose.translation) - np.median(d, 0), axis=1) for p in (poses, smoothed)]
+    off = [
+        np.linalg.norm((d := place(p) - session.pose.translation) - np.median(d, 0), axis=1)
+        for p in (poses, smoothed)
+    ]
     assert np.sqrt((off[1] ** 2).mean()) < np.sqrt((off[0] ** 2).mean())
     turn = np.stack([smoothed[q].to_numpy() for q in ("qx", "qy", "qz", "qw")], -1)
     np.testing.assert_allclose(np.linalg.norm(turn, axis=1), 1)

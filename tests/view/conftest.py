@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
 from ecat.model import AnnotatedObject, Camera, Clock, Event, KeyFrame, Layer, Manifest, Relation, Segment
@@ -18,6 +19,12 @@ _CORNERS = {f"{axis}{i}_px": [100.0 + i] * N_FRAMES for i in range(4) for axis i
 _CAMERA = Camera(
     name="color", width_px=1920, height_px=1080, fx_px=1000, fy_px=1000, cx_px=960, cy_px=540, mirrored=True
 )
+
+
+def _plane() -> pa.Table:
+    """The table a metre before the camera, facing it."""
+    place = dict.fromkeys(("origin_x", "origin_y", "qy", "qz", "qw"), [0.0]) | {"origin_z": [1.0], "qx": [1.0]}
+    return table("table_plane", frame=[0], n_points=[9], n_inliers=[9], evidence=["polygon"], **place)
 
 
 def draft() -> Draft:
@@ -49,16 +56,6 @@ def draft() -> Draft:
         present=[True] * N_FRAMES,
         code=[code] * N_FRAMES,
     )
-    place = {
-        "origin_x": [0.0],
-        "origin_y": [0.0],
-        "origin_z": [1.0],
-        "qx": [1.0],
-        "qy": [0.0],
-        "qz": [0.0],
-        "qw": [0.0],
-    }
-    plane = table("table_plane", frame=[0], n_points=[9], n_inliers=[9], evidence=["polygon"], **place)
     outline = KeyFrame(frame=0, coordinates=(0.0, 0.0, 100.0, 0.0, 100.0, 100.0))
     layer = Layer(
         objects=(
@@ -80,7 +77,7 @@ def draft() -> Draft:
         cameras=(_CAMERA,),
         prototypes=(BOXES[0].to_dict(),),
     )
-    tables = {"poses": poses, "markers_2d": marks, "table_plane": plane}
+    tables = {"poses": poses, "markers_2d": marks, "table_plane": _plane()}
     return Draft(
         manifest=manifest,
         layers=(layer,),

@@ -1,7 +1,7 @@
-"""What the elements of ``files.param`` have in common: attributes, whole numbers, predicate forms, and facts kept as they were.
+"""What the elements of ``files.param`` have in common: attributes, whole numbers, predicate forms, kept facts.
 
-Where the usual text of a value differs from what the file said, the file's text is kept as a ``foreign`` fact.  The writer uses
-it only while it still means the model's value, so an edit is never hidden by it.
+Where the usual text of a value differs from what the file said, the file's text is kept as a ``foreign``
+fact.  The writer uses it only while it still means the model's value, so an edit is never hidden by it.
 """
 
 from __future__ import annotations
@@ -73,7 +73,9 @@ def frame_number(text: str | None, what: str, line: int) -> int:
         if -(1 << 31) <= number < 1 << 31:
             return number
     found = "nothing" if text is None else repr(text[:40])
-    raise refused(what, f"line {line}: expected a whole number of 32 bits, found {found}", "correct the number")
+    raise refused(
+        what, f"line {line}: expected a whole number of 32 bits, found {found}", "correct the number"
+    )
 
 
 def refused(what: str, where: str, fix: str) -> FormatError:

@@ -28,9 +28,9 @@ def event_of(element: Element, event_id: str, what: str) -> Event:
     foreign: list[Foreign] = attribute_facts(said, ("id",), ("id",))
     if event_id != said.get("id"):
         foreign.append(fact("id", said.get("id", "")))
-    tags = [tag_of(child) for child in element]
+    tags = [tag for child in element if (tag := tag_of(child)) in EVENT_CHILDREN]
     if tags != list(EVENT_CHILDREN):
-        foreign.append(fact("children", ",".join(tag for tag in tags if tag in EVENT_CHILDREN)))
+        foreign.append(fact("children", ",".join(tags)))
     return Event(
         id=event_id,
         tier="event",

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.elements import kept
-from ecat.formats.ecat2018.lexical import attribute, format_code, format_numbers, missing_corners, parse_code, text
+from ecat.formats.ecat2018.lexical import (
+    attribute,
+    format_code,
+    format_numbers,
+    missing_corners,
+    parse_code,
+    text,
+)
 from ecat.formats.ecat2018.marker_reader import FACE_ATTRIBUTES
 from ecat.formats.ecat2018.marks import KINECT_TO_CAMERA
 from ecat.formats.ecat2018.xml_input import parse_floats
@@ -67,7 +74,7 @@ class FaceLines:
         names = [name for name in _TABLES[dimensions].arrow.names if name.endswith("_px") or name[0] in "xyz"]
         for batch in table.to_batches(max_chunksize=_BATCH_ROWS):
             numbers = np.column_stack([batch.column(name).to_numpy(zero_copy_only=False) for name in names])
-            if dimensions == 3:  # noqa: PLR2004
+            if dimensions == 3:
                 numbers = numbers * np.tile(KINECT_TO_CAMERA, 4)
             facts = {name: batch.column(name).to_pylist() for name in _FACTS}
             texts = [format_numbers(row) for row in numbers.tolist()]
@@ -110,7 +117,7 @@ def _means(raw: str, numbers: NDArray[np.float64], dimensions: int) -> bool:
         values = parse_floats(raw, len(numbers))
     except FormatError:
         return bool(np.isnan(numbers).all())  # what could not be read stands for missing numbers
-    if dimensions == 3:  # noqa: PLR2004
+    if dimensions == 3:
         missing, _ = missing_corners(values.reshape(1, 4, 3))
         values = np.where(missing[..., None], np.nan, values.reshape(1, 4, 3)).ravel()
     else:

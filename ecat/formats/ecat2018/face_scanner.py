@@ -1,18 +1,21 @@
 """Runs of marker faces, taken out of the byte stream before the XML parser sees them.
 
-Nine tenths of a Kinect session's file are faces in one fixed layout, and cutting that layout at its tags is several times
-faster than parsing it.  Whatever stands between two numbers or two codes occurs again and again, so that each such text is
-checked once and then looked up.  Only what has ECAT's layout exactly, directly inside a marker list, is taken; everything
-else, and everything from the first comment, CDATA section, processing instruction or entity on, goes to the parser.  It
-gets line ends in place of what was taken, so that line numbers stay true.
+Nine tenths of a Kinect session's file are faces in one fixed layout, and cutting that layout at its tags is
+several times faster than parsing it.  Whatever stands between two numbers or two codes occurs again and
+again, so that each such text is checked once and then looked up.  Only what has ECAT's layout exactly,
+directly inside a marker list, is taken; everything else, and everything from the first comment, CDATA
+section, processing instruction or entity on, goes to the parser.  It gets line ends in place of what was
+taken, so that line numbers stay true.
 """
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate, chain
 
 import numpy as np
 
@@ -38,9 +41,9 @@ _MOST_KNOWN = _LONGEST_KNOWN = 4096
 class Run:
     """Markers that follow each other.
 
-    Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces); per face the
-    texts of its ``corners`` and its ``codes``, where a marker without faces has one empty text in each.  ``line(i)`` is the
-    line of face ``i`` of the run, found only when an error needs it.
+    Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces);
+    per face the texts of its ``corners`` and its ``codes``, where a marker without faces has one empty text
+    in each. ``line(i)`` is the line of face ``i`` of the run, found only when an error needs it.
     """
 
     line: Callable[[int], int]
@@ -49,6 +52,20 @@ class Run:
     counts: Sequence[int]
     corners: Sequence[bytes]
     codes: Sequence[bytes]
+
+
+def join_runs(runs: Sequence[Run]) -> Run:
+    """Runs that follow each other as one."""
+    if len(runs) == 1:
+        return runs[0]
+    starts = [0, *accumulate(len(run.corners) for run in runs)]
+
+    def line(i: int) -> int:
+        k = bisect_right(starts, i) - 1
+        return runs[k].line(i - starts[k])
+
+    names = ("frames", "sizes", "counts", "corners", "codes")
+    return Run(line, *(list(chain.from_iterable(getattr(run, name) for run in runs)) for name in names))
 
 
 class _Known(dict[bytes, bytes | None]):
@@ -71,7 +88,8 @@ class FaceScanner:
 
     Parameters
     ----------
-    take : called with the number of dimensions (2 or 3) and a run of markers, in file order, before the parser is fed what
+    take : called with the number of dimensions (2 or 3) and a run of markers, in file order, before the
+    parser is fed what
         follows them.
     """
 
@@ -168,7 +186,8 @@ class FaceScanner:
 
     def _heads_of(self, texts: list[bytes]) -> list[tuple[int, int] | None]:
         """Frame and size of the markers that start with ``texts``, of which the last is what follows the last marker;
-        ``None`` for one that is laid out in another way."""
+        ``None`` for one that is laid out in another way.
+        """
         known, sizes = self._heads[self._dimensions], self._sizes
         parts = [text.partition(b' frame="') for text in texts[:-1]]
         ends = [(start, *rest.partition(b'"')) for start, _, rest in parts]

@@ -1,11 +1,12 @@
 """Reading ``files.param``, the session file of ECAT 2018, in every generation (ECAT 2018 file format §1.2).
 
-The document is streamed: markers, objects, events and predicates are taken as they end.  What the model has a field for goes
-there; what it has none for is kept as ``foreign`` facts (``ecat-2018:...``), so that
+The document is streamed: markers, objects, events and predicates are taken as they end.  What the model has a
+field for goes there; what it has none for is kept as ``foreign`` facts (``ecat-2018:...``), so that
 :mod:`ecat.formats.ecat2018.files_param_write` can write the same bytes again.
 
 ECAT's track bar numbers the images from one, with a position 0 that shows the first image too (§0.9): drawn key frames,
-event spans and predicates are stored in that numbering, detections are not.  Here image F - 1 is meant, -1 standing for 0.
+event spans and predicates are stored in that numbering, detections are not.  Here image F - 1 is meant, -1
+standing for 0.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from ecat.formats.ecat2018.elements import attributes_of, frame_number, refused, tag_of
@@ -52,7 +54,8 @@ _CHILDREN = {
 class SessionFile:
     """What a ``files.param`` says.
 
-    ``faces_2d`` and ``faces_3d`` have one entry per glyph box that has any; ``findings`` tells what was odd or is not kept.
+    ``faces_2d`` and ``faces_3d`` have one entry per glyph box that has any; ``findings`` tells what was odd
+    or is not kept.
     """
 
     name: str = ""
@@ -83,7 +86,7 @@ def read_files_param(path: Path, *, what: str = "", skip_bad_markers: bool = Fal
     StoreError : the file cannot be opened or read.
     """
     what = what or f"cannot import {path.parent.name}/{path.name}"
-    reader = _Reader(what, skip_bad_markers)
+    reader = _Reader(what, skip_bad=skip_bad_markers)
     scanner = FaceScanner(reader.markers.take_faces)
     for element in iter_records(path, tags=_RECORDS, what=what, cut=scanner.cut):
         reader.take(element)
@@ -120,7 +123,7 @@ def _lexical_profile(path: Path, what: str) -> dict[str, str]:
 class _Reader:
     """Takes the records of a document in their order."""
 
-    def __init__(self, what: str, skip_bad: bool) -> None:
+    def __init__(self, what: str, *, skip_bad: bool) -> None:
         self.result = SessionFile()
         self.is_session = False
         self.markers = MarkerReader(what, self.result.book, self.result.findings, skip_bad=skip_bad)
@@ -172,7 +175,7 @@ class _Reader:
 
     def _in_order(self, keys: list[KeyFrame], object_id: str) -> tuple[KeyFrame, ...]:
         """Key frames in frame order, one per frame (the last one counts, as in ECAT)."""
-        if all(a.frame < b.frame for a, b in zip(keys, keys[1:], strict=False)):
+        if all(a.frame < b.frame for a, b in pairwise(keys)):
             return tuple(keys)
         self._odd(f"object {object_id}: key frames out of order or doubled; put in order")
         by_frame = {key.frame: key for key in keys}
@@ -188,7 +191,9 @@ class _Reader:
         used.add(made)
         if made != element.get("id"):
             why = "is used twice" if element.get("id") else "is missing"
-            self._odd(f"line {element.sourceline}: {kind} id {element.get('id') or ''!r} {why}; here it is {made!r}")
+            self._odd(
+                f"line {element.sourceline}: {kind} id {element.get('id') or ''!r} {why}; here it is {made!r}"
+            )
         return made
 
     # ------------------------------------------------------------------------------------------- the rest
@@ -228,11 +233,13 @@ class _Reader:
     def _session(self, root: Element) -> None:
         """Take what stands on the root, and put the layer together."""
         if root.getparent() is not None:
-            raise refused(self._what, f"line {root.sourceline}: a <session> inside of an element", "check the file")
+            raise refused(
+                self._what, f"line {root.sourceline}: a <session> inside of an element", "check the file"
+            )
         self.is_session = True
         result, said = self.result, attributes_of(root)
         result.name = said.get("name", "")
-        if list(said) != [name for name in SESSION_ATTRIBUTES if name in said]:
+        if "name" not in said or list(said) != [name for name in SESSION_ATTRIBUTES if name in said]:
             result.foreign["attributes"] = ",".join(said)
         result.foreign |= {f"session@{name}": v for name, v in said.items() if name not in SESSION_ATTRIBUTES}
         result.n_frames = self._count(said, "length")

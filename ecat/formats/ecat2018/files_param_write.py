@@ -100,12 +100,17 @@ class _Writer:
             said.append(("no", str(self._layer.object_counter)))
         if name == "annotations" and "annotations@no" in self._foreign:
             said.append(("no", str(self._layer.event_counter)))
-        others = ((key.removeprefix(f"{name}@"), value) for key, value in self._foreign.items() if key.startswith(f"{name}@"))
+        others = (
+            (key.removeprefix(f"{name}@"), value)
+            for key, value in self._foreign.items()
+            if key.startswith(f"{name}@")
+        )
         return said + [(key, value) for key, value in others if key != "no"]
 
     def _session_attributes(self) -> list[tuple[str, str]]:
         manifest, foreign = self._manifest, self._foreign
-        values: dict[str, str] = {"name": foreign.get("name", manifest.name)}
+        order = foreign.get("attributes", "name").split(",")
+        values: dict[str, str] = {"name": foreign.get("name", manifest.name)} if "name" in order else {}
         if foreign.get("length") != "absent" or manifest.n_frames:
             values["length"] = self._number("length", manifest.n_frames)
         milliseconds = (manifest.clock.duration_ns or 0) // 1_000_000
@@ -117,14 +122,13 @@ class _Writer:
         elif start is not None:
             values["startWriteRGB"] = f"{start}Z"
         values |= {k.removeprefix("session@"): v for k, v in foreign.items() if k.startswith("session@")}
-        said = [name for name in foreign.get("attributes", "").split(",") if name in values]
-        return [(name, values[name]) for name in dict.fromkeys([*said, *values])]
+        return [(name, values[name]) for name in dict.fromkeys([*order, *values]) if name in values]
 
     def _number(self, name: str, value: int) -> str:
         """A count; what was no usual number is written as it was while it still means the same."""
         raw = self._foreign.get(name, "").removeprefix("=")
         digits = raw.lstrip("0")
-        means = int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= 9 else 0  # noqa: PLR2004
+        means = int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= 9 else 0
         return raw if name in self._foreign and raw != "absent" and means == value else str(value)
 
     # ------------------------------------------------------------------------------------------- files, objects
@@ -142,7 +146,9 @@ class _Writer:
         faces = FaceLines(self._read)
         for thing in self._layer.objects:
             if thing.kind not in SHAPES and kept(thing.foreign, "shape") is None:
-                self._findings.append(f"object {thing.id}: ECAT has no objects of the kind {thing.kind!r}; left out")
+                self._findings.append(
+                    f"object {thing.id}: ECAT has no objects of the kind {thing.kind!r}; left out"
+                )
                 continue
             named = replace(thing, stream=self._file_names.get(thing.stream, thing.stream))
             head = f"object{_said(object_attributes(named))}"
@@ -155,10 +161,10 @@ class _Writer:
                 lines = faces.markers(thing, dimensions)
             else:
                 lines = (_drawn(key, dimensions) for key in keys)
-            if flat and dimensions == 2:  # noqa: PLR2004
+            if flat and dimensions == 2:
                 yield from (line.removeprefix("  ").replace("\n  ", "\n") for line in lines)
             else:
-                yield from _wrapped("markers" if dimensions == 2 else "markers3d", lines, "      ")  # noqa: PLR2004
+                yield from _wrapped("markers" if dimensions == 2 else "markers3d", lines, "      ")
         yield from self._object_links(thing)
 
     def _object_links(self, thing: AnnotatedObject) -> Iterator[str]:
@@ -169,7 +175,9 @@ class _Writer:
             for frame, relations in spans:
                 yield from _link("spatialLink", frame, relations, "      ")
         elif wrapped is not None or spans:
-            lines = (line for frame, relations in spans for line in _link("link", frame, relations, "        "))
+            lines = (
+                line for frame, relations in spans for line in _link("link", frame, relations, "        ")
+            )
             yield from _wrapped("links", lines, "      ", or_empty=True)
 
     # ------------------------------------------------------------------------------------------- events, relations
@@ -185,7 +193,9 @@ class _Writer:
             else:
                 values = {"id": kept(event.foreign, "id") or event.id}
                 head = f"annotation{_said(kept_attributes(values, event.foreign))}"
-                yield from _wrapped(head, self._event_body(event, parts.get(event.id, [])), "    ", or_empty=True)
+                yield from _wrapped(
+                    head, self._event_body(event, parts.get(event.id, [])), "    ", or_empty=True
+                )
 
     def _event_body(self, event: Event, parts: list[str]) -> Iterator[str]:
         links = [(link.target, link_type(link)) for link in event.links]
@@ -193,7 +203,9 @@ class _Writer:
         links += [(part, "SUBEVENT(X,Y)") for part in parts if (part, "SUBEVENT") not in linked]
         lists = {
             "refs": [("ref", _pairs(start=r.start, end=r.end, refTo=r.target)) for r in event.references],
-            "events": [("event", _pairs(start=p.start, end=p.end, semanticType=p.type)) for p in event.predicates],
+            "events": [
+                ("event", _pairs(start=p.start, end=p.end, semanticType=p.type)) for p in event.predicates
+            ],
             "link": [("linkTo", [("id", target), ("type", kind)]) for target, kind in links],
         }
         if event.roles:
@@ -227,7 +239,9 @@ class _Writer:
         for relation in self._predicates:
             strange = len(relation.arguments) not in {1, 2} and kept(relation.foreign, "type") is None
             if relation.status == "proposed" or strange:
-                why = "a proposal" if relation.status == "proposed" else f"{len(relation.arguments)} arguments"
+                why = (
+                    "a proposal" if relation.status == "proposed" else f"{len(relation.arguments)} arguments"
+                )
                 self._findings.append(f"relation {relation.predicate}{relation.targets}: {why}; left out")
                 continue
             yield f"    <predicate{_said(predicate_attributes(relation))} />\n"

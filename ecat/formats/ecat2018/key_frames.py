@@ -32,7 +32,7 @@ def coordinates_of(text: str, dimensions: int) -> tuple[float, ...]:
     FormatError : not a list of numbers.
     """
     values = parse_floats(text.strip())
-    if dimensions == 3 and len(values) % 3 == 0:  # noqa: PLR2004
+    if dimensions == 3 and len(values) % 3 == 0:
         points = values.reshape(1, -1, 3)
         missing, _ = missing_corners(points)
         values = np.where(missing[..., None], np.nan, points * KINECT_TO_CAMERA).ravel()
@@ -43,8 +43,8 @@ def coordinates_of(text: str, dimensions: int) -> tuple[float, ...]:
 
 def coordinates_text(coordinates: Sequence[float], dimensions: int) -> str:
     """How ECAT writes ``coordinates`` (:func:`coordinates_of`)."""
-    if dimensions == 3 and len(coordinates) % 3 == 0:  # noqa: PLR2004
-        return format_numbers(value if i % 3 == 2 else -value for i, value in enumerate(coordinates))  # noqa: PLR2004
+    if dimensions == 3 and len(coordinates) % 3 == 0:
+        return format_numbers(value if i % 3 == 2 else -value for i, value in enumerate(coordinates))
     return format_numbers(coordinates)
 
 

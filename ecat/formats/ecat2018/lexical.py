@@ -1,7 +1,7 @@
 """How ECAT 2018 writes numbers, codes, colours and names (ECAT 2018 file format §1.2.1-1.2.4).
 
-The session keeps values, not text.  A text that its value would not be written as again (a hand-edited file) is *unusual*
-and is kept beside the value, so that export is exact.
+The session keeps values, not text.  A text that its value would not be written as again (a hand-edited file)
+is *unusual* and is kept beside the value, so that export is exact.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ USUAL_NUMBERS = rf"^{NUMBER}(?:,{NUMBER})*$"
 def format_numbers(values: Iterable[float]) -> str:
     """Comma-separated numbers in ECAT's form; NaN (missing) becomes ``-∞``, as a live Kinect wrote it."""
     # `+ 0.0` makes 0 of -0, which ECAT never writes; `%` takes half the time of format()
-    text = ",".join(["%.7g" % (value + 0.0) for value in values])  # noqa: UP031
+    text = ",".join(["%.7g" % (value + 0.0) for value in values])
     if "e" in text or "n" in text:
         text = text.replace("e", "E").replace("nan", "-∞").replace("inf", "∞")
     return text
@@ -82,8 +82,8 @@ def text(value: str) -> str:
 def missing_corners(values: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which points are missing, and which rows say so in another way than ``-∞,-∞,-∞``.
 
-    Missing points are ``-∞`` three times (mapped by a live Kinect), ``-1`` (mapped offline) or ``0`` three times (outside the
-    image), and any point with a number that is not finite.
+    Missing points are ``-∞`` three times (mapped by a live Kinect), ``-1`` (mapped offline) or ``0`` three
+    times (outside the image), and any point with a number that is not finite.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def missing_corners(values: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDA
     unusual : bool (n,)
     """
     x, y, z = (values[..., i] for i in range(3))
-    missing = ~np.isfinite(x + y + z)  # a sum of floats read from seven digits each does not overflow
+    missing = ~(np.isfinite(x) & np.isfinite(y) & np.isfinite(z))
     same = (x == y) & (y == z)
     missing |= same & ((x == -1) | (x == 0))
     return missing, (missing & ~(same & (x == -np.inf))).any(axis=1)

@@ -66,7 +66,7 @@ class _Rows:
         self, owner: NDArray[np.int32], rows: FaceColumns, present: NDArray[np.bool_], texts: list[str | None]
     ) -> pa.RecordBatch:
         codes = rows.codes
-        schema = MARKERS_2D if self.groups[0].dimensions == 2 else MARKERS_3D  # noqa: PLR2004
+        schema = MARKERS_2D if self.groups[0].dimensions == 2 else MARKERS_3D
         columns: list[Any] = [
             _times(rows.frames, self.clock, self.n_frames),
             pa.array(rows.frames),
@@ -90,5 +90,5 @@ def _dictionary(numbers: NDArray[np.int32], values: Sequence[str | None]) -> Any
 
 def _times(frames: NDArray[np.int32], clock: Clock, n_frames: int) -> Any:
     distinct, back = np.unique(frames, return_inverse=True)
-    times = pa.array(clock.times_ns(distinct.tolist(), n_frames), pa.int64())
+    times: Any = pa.array(clock.times_ns(distinct.tolist(), n_frames), pa.int64())
     return times.take(pa.array(back))

@@ -90,13 +90,15 @@ class MarkerReader:
             self._read.key_frames[self._dimensions].append(key)
 
     def _open_list(self, parent: Element | None) -> None:
-        """Markers of another list follow: of a box, or drawn?"""
+        """Markers of another list follow; find out whether it is of a box, or drawn."""
         self._flush()
         wrapped = parent is not None and parent.tag in ("markers", "markers3d")
         owner = parent.getparent() if wrapped and parent is not None else parent
         if parent is None or owner is None or owner.tag != "object":
             line = "line 1" if parent is None else f"line {parent.sourceline}"
-            raise refused(self._what, f"{line}: a <marker> outside of an <object>", "restore the file from a copy")
+            raise refused(
+                self._what, f"{line}: a <marker> outside of an <object>", "restore the file from a copy"
+            )
         self._list = parent
         self._dimensions = 3 if parent.tag == "markers3d" else 2
         self._is_box = (owner.get("shape") or "").endswith("GlyphBoxObject")
@@ -107,7 +109,11 @@ class MarkerReader:
         line, said = element.sourceline or 0, attributes_of(element)
         frame = frame_number(said.get("frame"), self._what, line)
         size = small_number(said.get("glyphSize", "5"))
-        if tuple(said) != FACE_ATTRIBUTES[self._dimensions] or size is None or str(size) != said.get("glyphSize"):
+        if (
+            tuple(said) != FACE_ATTRIBUTES[self._dimensions]
+            or size is None
+            or str(size) != said.get("glyphSize")
+        ):
             self._note(said)
         run, faces = self._waiting, list(element)
         if said.get("type") == "DELETE":
@@ -132,7 +138,9 @@ class MarkerReader:
             found = ", ".join(f"<{tag}>" for tag in tags) or "nothing"
             self._bad(f"line {face.sourceline}, {name}: expected <bounding> and <code>, found {found}")
         elif tags != ["bounding", "code"]:
-            self._findings.append(f"line {face.sourceline}, {name}: more than <bounding> and <code>; not imported")
+            self._findings.append(
+                f"line {face.sourceline}, {name}: more than <bounding> and <code>; not imported"
+            )
         self._waiting.lines.append(face.sourceline or 0)
         self._waiting.corners.append((face.findtext("bounding") or "").encode())
         self._waiting.codes.append((face.findtext("code") or "").encode())

@@ -1,8 +1,8 @@
 """Marker faces of glyph boxes: from the texts of ``files.param`` to numbers.
 
-A session has tens of thousands of faces, so texts are turned into numbers by Arrow, a run at a time.  Corners keep the order
-of the file (ECAT 2018 file format §1.2.4: the 2-D and the 3-D list of a face start at different corners, and the code is
-oriented by a third rule); codes are as read from the mirrored image.
+A session has tens of thousands of faces, so texts are turned into numbers by Arrow, a run at a time.  Corners
+keep the order of the file (ECAT 2018 file format §1.2.4: the 2-D and the 3-D list of a face start at
+different corners, and the code is oriented by a third rule); codes are as read from the mirrored image.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from ecat.errors import FormatError
-from ecat.formats.ecat2018.face_scanner import Run
+from ecat.formats.ecat2018.face_scanner import Run, join_runs
 from ecat.formats.ecat2018.lexical import USUAL_NUMBERS, format_code, missing_corners, parse_code
 from ecat.formats.ecat2018.xml_input import parse_floats
 
 KINECT_TO_CAMERA = np.array([-1.0, -1.0, 1.0])
 """Kinect camera space (x to the sensor's left, y up) to ``camera/depth``; its own inverse."""
+_BATCH_FACES = 8192  # each batch costs Arrow a millisecond to begin with
 _CSV_PARSE = csv.ParseOptions(quote_char=False, ignore_empty_lines=False)
 
 Place = Callable[[int], str]
@@ -90,9 +91,9 @@ class FaceColumns:
 class Faces:
     """The faces of one object in one of its two lists, as they come.
 
-    ``what`` is an error's first line; ``skip_bad`` keeps a face that cannot be read without what cannot be read, and says so
-    in ``findings``.  ``object_id`` is set when the object's end is met.  By position of the row: ``absent``, and the
-    ``corner_texts`` that are not as their numbers would be written.
+    ``what`` is an error's first line; ``skip_bad`` keeps a face that cannot be read without what cannot be
+    read, and says so in ``findings``.  ``object_id`` is set when the object's end is met.  By position of the
+    row: ``absent``, and the ``corner_texts`` that are not as their numbers would be written.
     """
 
     dimensions: int
@@ -103,11 +104,13 @@ class Faces:
     object_id: str = ""
     absent: set[int] = field(default_factory=set[int])
     corner_texts: dict[int, str] = field(default_factory=dict[int, str])
+    _waiting: list[Run] = field(default_factory=list[Run])
+    _n_waiting: int = 0
     _parts: list[FaceColumns] = field(default_factory=list[FaceColumns])
-    _length: int = 0
+    _n_done: int = 0
 
     def __len__(self) -> int:
-        return self._length
+        return self._n_done + self._n_waiting
 
     @property
     def width(self) -> int:
@@ -115,17 +118,36 @@ class Faces:
         return 4 * self.dimensions
 
     def columns(self) -> FaceColumns:
-        """All faces."""
+        """All faces.
+
+        Raises
+        ------
+        FormatError : a face cannot be read, and is not to be skipped.
+        """
+        self._convert()
         if len(self._parts) != 1:
-            parts, width = self._parts, self.width
-            integers = [[getattr(part, name) for part in parts] for name in ("frames", "orders", "sizes", "codes")]
-            joined = [np.concatenate([np.empty(0, np.int32), *arrays]) for arrays in integers]
-            corners = np.concatenate([np.empty((0, width)), *(part.corners for part in parts)])
-            self._parts = [FaceColumns(*joined, corners)]
+            parts = self._parts
+
+            def joined(name: str) -> NDArray[np.int32]:
+                return np.concatenate([np.empty(0, np.int32), *(getattr(part, name) for part in parts)])
+
+            corners = np.concatenate([np.empty((0, self.width)), *(part.corners for part in parts)])
+            integers = joined("frames"), joined("orders"), joined("sizes"), joined("codes")
+            self._parts = [FaceColumns(*integers, corners)]
         return self._parts[0]
 
     def add(self, run: Run) -> None:
-        """Add a run of markers."""
+        """Add a run of markers.  Runs are turned into numbers many at a time; errors as in `columns`."""
+        self._waiting.append(run)
+        self._n_waiting += len(run.corners)
+        if self._n_waiting >= _BATCH_FACES:
+            self._convert()
+
+    def _convert(self) -> None:
+        if not self._waiting:
+            return
+        run = join_runs(self._waiting)
+        self._waiting, self._n_waiting = [], 0
         counts = np.array(run.counts, np.int32)
         rows = np.maximum(counts, 1)
         starts = np.cumsum(rows) - rows
@@ -140,14 +162,14 @@ class Faces:
         codes = self._codes(run.codes, sizes, orders, place)
         corners = self._corners(run.corners, orders, place)
         self._parts.append(FaceColumns(frames, orders, sizes, codes, corners))
-        self._length += len(orders)
+        self._n_done += len(orders)
 
     def _codes(
         self, texts: Sequence[bytes], sizes: NDArray[np.int32], orders: NDArray[np.int32], place: Place
     ) -> NDArray[np.int32]:
         of_size = {size: self.book.of_size(size) for size in set(sizes.tolist())}
         if len(of_size) == 1:  # as in every real file
-            (size, known), = of_size.items()
+            ((size, known),) = of_size.items()
             for text in dict.fromkeys(texts):
                 if text not in known:
                     self.book.learn(text, size)
@@ -175,7 +197,7 @@ class Faces:
         self, texts: Sequence[bytes], orders: NDArray[np.int32], place: Place
     ) -> NDArray[np.float64]:
         values = self._numbers(texts, orders, place)
-        if self.dimensions == 2:  # noqa: PLR2004
+        if self.dimensions == 2:
             infinite = ~np.isfinite(values)
             unusual = infinite.any(axis=1)
             values[infinite] = np.nan
@@ -185,7 +207,7 @@ class Faces:
             values.reshape(-1, 4, 3)[missing] = np.nan
         usual = pc.match_substring_regex(pa.array(texts).cast(pa.string(), safe=False), USUAL_NUMBERS)
         for i in np.flatnonzero((unusual | ~np.array(usual)) & (orders >= 0)).tolist():
-            self.corner_texts[self._length + i] = plain_text(texts[i])
+            self.corner_texts[self._n_done + i] = plain_text(texts[i])
         return values
 
     def _numbers(
@@ -205,7 +227,9 @@ class Faces:
             table = None
         if table is not None and table.num_rows == len(texts):
             return np.column_stack([column.to_numpy() for column in table.columns])
-        rows = [self._row(text, i, place) if orders[i] >= 0 else self._missing() for i, text in enumerate(texts)]
+        rows = [
+            self._row(text, i, place) if orders[i] >= 0 else self._missing() for i, text in enumerate(texts)
+        ]
         return np.array(rows).reshape(len(texts), self.width)
 
     def _missing(self) -> NDArray[np.float64]:
@@ -234,7 +258,7 @@ class Faces:
         new = {int(old): i for i, old in enumerate(rows)}
         self.absent = {new[i] for i in self.absent if i in new}
         self.corner_texts = {new[i]: text for i, text in self.corner_texts.items() if i in new}
-        self._parts, self._length = [now.take(rows)], len(rows)
+        self._parts, self._n_done = [now.take(rows)], len(rows)
         return True
 
     def bad(self, where: str) -> None:

@@ -31,10 +31,8 @@ _FIELDS = {
     "semanticType": "semantic_type",
     "shape": "kind",
 }
-_KINDS: dict[str, ObjectKind] = {shape: kind for kind, shape in SHAPES.items()} | {
-    "Rectangle": "rectangle",
-    "Polygon": "polygon",
-}
+_KINDS: dict[str, ObjectKind] = {"Rectangle": "rectangle", "Polygon": "polygon"}
+_KINDS.update((shape, kind) for kind, shape in SHAPES.items())
 _ORIGINS: dict[str, Origin] = {"MANUAL": "manual", "TRACKED": "tracked", "PROVIDED": "provided"}
 
 
@@ -56,10 +54,8 @@ def object_of(
     if "shape" not in said and key_frames:
         texts["shape"] = kept(key_frames[0].foreign, "@shape") or ""
     extra = tuple(Property(name, value) for name, value in said.items() if name not in _FIELDS)
-    values = _meant(texts) | {"id": object_id}
-    thing = AnnotatedObject(
-        properties=extra, key_frames=key_frames, key_frames_3d=key_frames_3d, **values
-    )
+    values: dict[str, Any] = {**_meant(texts), "id": object_id}
+    thing = AnnotatedObject(properties=extra, key_frames=key_frames, key_frames_3d=key_frames_3d, **values)
     facts = list(foreign)
     usual = _usual(thing)
     facts += [fact(name, text) for name, text in texts.items() if usual[name] != text]
@@ -74,7 +70,11 @@ def object_attributes(thing: AnnotatedObject) -> list[tuple[str, str]]:
     raw = {name: text for name in _FIELDS if (text := kept(thing.foreign, name)) is not None}
     if raw:
         now, then = _meant(values), _meant(values | raw)
-        values |= {name: text for name, text in raw.items() if name == "id" or then[_FIELDS[name]] == now[_FIELDS[name]]}
+        values |= {
+            name: text
+            for name, text in raw.items()
+            if name == "id" or then[_FIELDS[name]] == now[_FIELDS[name]]
+        }
     named = list(values.items()) + [(p.name, p.value) for p in thing.properties]
     order = kept(thing.foreign, "attributes")
     if order is None:

@@ -1,7 +1,8 @@
-"""Relations of ``files.param``: ``<predicate>`` and the older links inside objects (ECAT 2018 file format §1.2.7-1.2.8)."""
+"""``<predicate>`` and the older links of ``files.param`` as relations (ECAT 2018 file format §1.2.7-1.2.8)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from ecat.formats.ecat2018.elements import (
@@ -39,13 +40,17 @@ def relation_of(element: Element, what: str) -> Relation:
         arguments=_arguments(reversed(ids) if turned else ids),
     )
     usual = dict(predicate_attributes(relation))
-    foreign = [fact(name, said[name]) for name in ("arguments", "q", "type") if usual[name] != said.get(name, usual[name])]
+    foreign = [
+        fact(name, said[name])
+        for name in ("arguments", "q", "type")
+        if usual[name] != said.get(name, usual[name])
+    ]
     foreign += attribute_facts(said, _ATTRIBUTES, _ATTRIBUTES)
     return replace(relation, foreign=tuple(foreign))
 
 
-def _arguments(ids: object) -> tuple[Argument, ...]:
-    return tuple(Argument(target=i) for i in ids)  # pyright: ignore
+def _arguments(ids: Iterable[str]) -> tuple[Argument, ...]:
+    return tuple(Argument(target=i) for i in ids)
 
 
 def _is_positive(text: str | None) -> bool:
@@ -59,7 +64,7 @@ def relation_type(relation: Relation) -> tuple[str, bool]:
         name, turned = predicate_of(raw)
         if name == relation.predicate:
             return raw, turned
-    return f"{relation.predicate}({'X,Y' if len(relation.arguments) == 2 else 'X'})", False  # noqa: PLR2004
+    return f"{relation.predicate}({'X,Y' if len(relation.arguments) == 2 else 'X'})", False
 
 
 def qualifier(relation: Relation) -> str:

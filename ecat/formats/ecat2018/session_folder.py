@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
+from typing import cast
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +15,8 @@ import pyarrow.compute as pc
 
 from ecat.errors import os_error
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write_body_scheme
-from ecat.formats.ecat2018.elements import PREFIX
+from ecat.formats.ecat2018.elements import PREFIX, small_number
+from ecat.formats.ecat2018.fidelity import HASH_KEY, Hashed, first_difference, is_compared
 from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
 from ecat.formats.ecat2018.files_param_write import file_name, files_param
 from ecat.formats.ecat2018.mark_tables import mark_batches
@@ -23,11 +26,14 @@ from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
 from ecat.geometry.records import camera_record
 from ecat.model import Camera, Layer, Manifest, Provenance, Stream
 from ecat.store import Draft, Session, TableData, write_new_file
+from ecat.store.files import sha256_of
+from ecat.store.manifest import is_inside
 from ecat.tables import JOINTS
 
 SESSION_FILE = "files.param"
 LEFTOVER = "~files.param"
 _KINDS = {".avi": "color", ".mkv": "color", ".mp4": "color", ".dep": "depth"}
+_MANY = 100  # findings kept of one session
 _JOINTS_OUT = ("t_ns", "x", "y", "z", "u_px", "v_px", "state")
 
 
@@ -40,34 +46,61 @@ def draft_of(folder: Path, options: ImportOptions, findings: list[str]) -> Draft
     Raises
     ------
     InputError : a file of the session cannot be read.
+    StoreError : a file or the folder cannot be opened.
     """
     file = folder / SESSION_FILE
-    if (folder / LEFTOVER).exists():
-        findings.append(f"{folder.name}/{LEFTOVER} is left of an interrupted save; not imported")
     if file.exists():
         said = read_files_param(file, skip_bad_markers=options.skip_bad_markers)
     else:
         said = SessionFile(name=folder.name, foreign={"file": "absent"})
+    if (folder / LEFTOVER).exists():
+        said.findings.append(f"{LEFTOVER} is left of an interrupted save; not imported")
     streams, sources = _streams(folder, said)
+    joints = _joints(folder, said)
+    manifest = _manifest(folder, said, streams, is_kinect=bool(said.faces_3d or joints))
+    if file.exists():
+        manifest = _noted(file, said, manifest)
+    notes = _few(said.findings)
+    findings += [f"{folder.name}: {note}" for note in notes]
     tables = _mark_tables(said)
-    if joints := _joints(folder, said):
+    if joints:
         tables["joints"] = joints
-    findings += [f"{folder.name}: {finding}" for finding in said.findings]
+    manifest = replace(manifest, provenance=replace(manifest.provenance, notes=notes))
+    return Draft(manifest=manifest, layers=(said.layer,), tables=tables, files=sources)
+
+
+def _manifest(folder: Path, said: SessionFile, streams: tuple[Stream, ...], *, is_kinect: bool) -> Manifest:
     foreign = {PREFIX + key: value for key, value in said.foreign.items()}
     if said.name != folder.name:
-        foreign[PREFIX + "name"] = said.name
-    kinect = bool(said.faces_3d or joints or any(stream.kind == "depth" for stream in streams))
-    manifest = Manifest(
+        foreign[f"{PREFIX}name"] = said.name
+    return Manifest(
         name=folder.name,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         n_frames=said.n_frames,
         clock=said.clock,
-        cameras=_kinect_cameras() if kinect else (),
+        cameras=_kinect_cameras() if is_kinect or any(s.kind == "depth" for s in streams) else (),
         streams=streams,
-        provenance=Provenance(format="ecat-2018", source=folder.name, notes=tuple(said.findings)),
+        provenance=Provenance(format="ecat-2018", source=folder.name),
         foreign=foreign,
     )
-    return Draft(manifest=manifest, layers=(said.layer,), tables=tables, files=sources)
+
+
+def _noted(file: Path, said: SessionFile, manifest: Manifest) -> Manifest:
+    """See to it that what export would not give back is told, now or then (:mod:`ecat.formats.ecat2018.fidelity`)."""
+    if not is_compared(file):
+        return replace(manifest, foreign=manifest.foreign | {HASH_KEY: sha256_of(file)})
+    tables = {
+        name: pa.Table.from_batches(cast("Iterable[pa.RecordBatch]", table.data))
+        for name, table in _mark_tables(said).items()
+    }
+    if found := first_difference(file, manifest, said.layer, tables):
+        said.findings.append(found)
+    return manifest
+
+
+def _few(findings: list[str]) -> tuple[str, ...]:
+    rest = len(findings) - _MANY
+    return (*findings[:_MANY], *([f"and {rest} more like these"] if rest > 0 else []))
 
 
 def _kinect_cameras() -> tuple[Camera, ...]:
@@ -85,10 +118,13 @@ def _mark_tables(said: SessionFile) -> dict[str, TableData]:
 
 def _inside(folder: Path, name: str) -> Path | None:
     """The file that a session names, if it is there and really inside the session's folder."""
-    if "\\" in name or not name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+    if "\\" in name or name == SESSION_FILE or not is_inside(name):
         return None
     path = folder / name
-    return path if path.is_file() and path.resolve().is_relative_to(folder.resolve()) else None
+    try:
+        return path if path.is_file() and path.resolve().is_relative_to(folder.resolve()) else None
+    except OSError:  # a name that the file system cannot have
+        return None
 
 
 def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[str, Path]]:
@@ -97,10 +133,7 @@ def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[
     if listed != said.files:
         said.findings.append("a file is listed twice")
         said.foreign["files"] = "\n".join(said.files)
-    try:
-        there = sorted(path.name for path in folder.iterdir() if path.is_file())
-    except OSError as error:
-        raise os_error(error, f"cannot import {folder.name}", folder, "nothing was written") from error
+    there = _files_in(folder, said)
     others = [name for name in there if name not in listed and name not in (SESSION_FILE, LEFTOVER)]
     if others:
         said.foreign["unlisted"] = "\n".join(others)
@@ -127,8 +160,19 @@ def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[
     return tuple(streams), sources
 
 
+def _files_in(folder: Path, said: SessionFile) -> list[str]:
+    """Names of the files in a session's folder."""
+    try:
+        there = sorted(folder.iterdir())
+    except OSError as error:
+        raise os_error(error, f"cannot import {folder.name}", folder, "nothing was written") from error
+    said.findings += [f"the folder {path.name} was not imported" for path in there if path.is_dir()]
+    return [path.name for path in there if path.is_file()]
+
+
 def _target(name: str, taken: set[str]) -> str:
-    base = PurePosixPath(name.replace("\\", "/")).name or "file"
+    """The name of a file in ``media/``: its own last part, as any file system can have it, told apart from others."""
+    base = re.sub(r"[^\w .@+()~-]", "_", re.split(r"[\\/]", name)[-1]) or "file"
     target, count = base, 1
     while target.lower() in taken:
         count += 1
@@ -154,10 +198,10 @@ def _joints(folder: Path, said: SessionFile) -> TableData | None:
             rig = read_rig(source, scheme)
             said.findings += [f"{source.name}: {finding}" for finding in rig.findings]
             rigs[source.name] = rig.joints
-        index = values.get("rigIndex", "")
+        body = small_number(values.get("rigIndex"))
         rows = rigs[source.name]
-        if index.isdigit():
-            rows = rows.filter(pc.equal(rows["body"], pa.scalar(int(index) % 128, pa.int8())))
+        if body is not None:
+            rows = rows.filter(pc.equal(rows["body"], pa.scalar(body, pa.int32())))
         if rows.num_rows:
             parts.append(_on_frames(rows, thing.id, said))
     if not parts:
@@ -195,20 +239,38 @@ def write_session(session: Session, folder: Path, findings: list[str]) -> None:
         return session.table(name).to_arrow() if session.has_table(name) else None
 
     found: list[str] = []
-    empty = manifest.foreign.get(PREFIX + "file") == "absent" and not (layer.objects or layer.events)
-    if not empty:
-        write_new_file(folder / SESSION_FILE, files_param(manifest, layer, read, found))
+    if manifest.foreign.get(f"{PREFIX}file") != "absent" or layer.objects or layer.events or layer.relations:
+        pieces = Hashed(files_param(manifest, layer, read, found))
+        write_new_file(folder / SESSION_FILE, pieces)
+        if _is_unchanged(manifest) and manifest.foreign.get(HASH_KEY, pieces.sha256) != pieces.sha256:
+            found.append(
+                f"{SESSION_FILE} is not the imported file byte for byte: comments or layout were not kept"
+            )
     for stream in manifest.streams:
-        name = file_name(manifest, stream)
-        if stream.present:
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            write_new_file(target, _pieces(session.stream_path(stream.name)))
-        elif stream.kind == "skeleton" and session.has_table("joints"):
-            write_new_file(folder / name, write_rig(_rig_rows(session.table("joints").to_arrow())))
-        elif name.lower() == "bodyscheme.xml":
-            write_new_file(folder / name, [write_body_scheme(KINECT_V2)])
+        _write_stream(session, stream, folder, found)
     findings += [f"{session.name}: {finding}" for finding in found]
+
+
+def _is_unchanged(manifest: Manifest) -> bool:
+    """Whether layer and marks are as they were imported."""
+    record = manifest.layer("main")
+    marks = (manifest.table(f"markers_{dimensions}d") for dimensions in (2, 3))
+    return record is not None and record.revision == 1 and not any(table and table.stage for table in marks)
+
+
+def _write_stream(session: Session, stream: Stream, folder: Path, found: list[str]) -> None:
+    name = file_name(session.manifest, stream)
+    target = folder / name
+    if not is_inside(name) or name == SESSION_FILE:
+        if stream.present:
+            found.append(f"stream {stream.name}: {name!r} cannot name a file of a session; left out")
+    elif stream.present:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_new_file(target, _pieces(session.stream_path(stream.name)))
+    elif stream.kind == "skeleton" and session.has_table("joints"):
+        write_new_file(target, write_rig(_rig_rows(session.table("joints").to_arrow())))
+    elif name.lower() == "bodyscheme.xml":
+        write_new_file(target, [write_body_scheme(KINECT_V2)])
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
@@ -221,7 +283,7 @@ def _rig_rows(joints: pa.Table) -> pa.Table:
     """The joints table as records of a rig file; what ECAT has and the table has not is left empty."""
     n_joints = len(KINECT_V2.joints)
     order = {joint.name: i for i, joint in enumerate(KINECT_V2.joints)}
-    rank = pa.array([order.get(name, n_joints) for name in joints["joint"].to_pylist()], pa.int32())
+    rank = pa.array([order.get(str(name), n_joints) for name in joints["joint"].to_pylist()], pa.int32())
     rows = joints.append_column("rank", rank).filter(pc.less(rank, pa.scalar(n_joints)))
     rows = rows.sort_by([("frame", "ascending"), ("body", "ascending"), ("rank", "ascending")])
     n = rows.num_rows
@@ -236,8 +298,7 @@ def _rig_rows(joints: pa.Table) -> pa.Table:
         "joint": rows["joint"],
         "depth_u_px": blank,
         "depth_v_px": blank,
-        "confidence": pa.array([states.get(s or "", 0.5) for s in rows["state"].to_pylist()], pa.float64()),
+        "confidence": pa.array([states.get(str(s), 0.5) for s in rows["state"].to_pylist()], pa.float64()),
         "state": rows["state"],
     } | {name: rows[name] for name in ("x", "y", "z", "u_px", "v_px")}
     return pa.table([columns[field.name] for field in RIG_SCHEMA], schema=RIG_SCHEMA)
-

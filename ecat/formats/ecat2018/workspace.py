@@ -1,14 +1,15 @@
 """ECAT sessions, projects and workspaces as folders (ECAT 2018 file format §1.1), in and out.
 
-A folder with ``files.param`` is a session; a folder with sessions is a project, and its other folders are empty sessions; a
-folder of projects is a workspace.  Projects may keep a list of sessions (``<project>.project``), stale or not: it comes out
-again as it was.
+A folder with ``files.param`` is a session; a folder with sessions is a project, and its other folders are
+empty sessions; a folder of projects is a workspace.  Projects may keep a list of sessions
+(``<project>.project``), stale or not: it comes out again as it was.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,9 +30,11 @@ from ecat.store import (
     write_new_file,
     write_project_manifest,
 )
+from ecat.store.manifest import PROJECT_FILE, is_inside
 
 NAME = "ecat-2018"
 MAX_DEPTH = 8
+_WORKERS = 2
 _MANY = 20  # failures named in one error
 
 
@@ -103,15 +106,7 @@ def _tree(path: Path, root: Path, depth: int) -> Node | None:
 
 def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport:
     """Import a session, project or workspace; see :class:`ecat.formats.format.Reader`."""
-    folder = source.parent if source.is_file() and source.name == SESSION_FILE else source
-    node = tree_of(folder) if folder.is_dir() else None
-    if node is None:
-        raise FormatError(
-            f"cannot import {source}",
-            where=f"no {SESSION_FILE} in it" if folder.is_dir() else f"not a folder, nor a {SESSION_FILE}",
-            consequence="nothing was written",
-            fix="name the folder of an ECAT session, project or workspace",
-        )
+    node = _source(source)
     if node.kind == "session":
         findings: list[str] = []
         progress(node.path.name, 0, 1)
@@ -120,9 +115,26 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         return ImportReport(path=dest, format=NAME, sessions=1, findings=tuple(findings))
     work = _Import(options, progress, sum(1 for _ in node.sessions()))
     with staged_folder(dest) as staging:
-        work.folder(node, staging)
+        work.tree(node, staging)
         work.raise_failures(source, dest)
     return ImportReport(path=dest, format=NAME, sessions=work.done, findings=tuple(work.findings))
+
+
+def _source(source: Path) -> Node:
+    try:
+        folder = source.parent if source.is_file() and source.name == SESSION_FILE else source
+        is_folder = folder.is_dir()
+    except OSError as error:
+        raise os_error(error, f"cannot import {source}", source, "nothing was written") from error
+    node = tree_of(folder) if is_folder else None
+    if node is None:
+        raise FormatError(
+            f"cannot import {source}",
+            where=f"no {SESSION_FILE} in it" if is_folder else f"not a folder, nor a {SESSION_FILE}",
+            consequence="nothing was written",
+            fix="name the folder of an ECAT session, project or workspace",
+        )
+    return node
 
 
 class _Import:
@@ -136,22 +148,38 @@ class _Import:
         self._progress = progress
         self._total = total
 
-    def folder(self, node: Node, target: Path) -> None:
-        """Make the project or workspace ``node`` in the folder ``target``."""
+    def tree(self, node: Node, target: Path) -> None:
+        """Make the project or workspace ``node`` in the folder ``target``, its sessions in their order."""
+        jobs = list(self._folders(node, target))
+        # while one session waits for the disk or is compressed, another is parsed; more than two gain little
+        with ThreadPoolExecutor(_WORKERS) as pool:
+            try:
+                for job, made in [(job, pool.submit(self._make, *job)) for job in jobs]:
+                    self._progress(job[0].path.name, self.done, self._total)
+                    self._count(job[0], made)
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _folders(self, node: Node, target: Path) -> Iterator[tuple[Node, Path]]:
+        """Make the folders of projects, and give the sessions with their places."""
+        write_project_manifest(target, self._manifest(node))
         for child in node.children:
             place = target / child.path.name
             if child.kind == "session":
-                self._session(child, place)
+                yield child, place
             else:
                 place.mkdir()
-                self.folder(child, place)
-        write_project_manifest(target, self._manifest(node))
+                yield from self._folders(child, place)
 
-    def _session(self, node: Node, place: Path) -> None:
-        self._progress(node.path.name, self.done, self._total)
+    def _make(self, node: Node, place: Path) -> list[str]:
+        findings: list[str] = []
+        create_session(place, draft_of(node.path, self._options, findings))
+        return findings
+
+    def _count(self, node: Node, made: Future[list[str]]) -> None:
         try:
-            # the whole tree appears at once, so each session need not be made durable under its name first
-            create_session(place, draft_of(node.path, self._options, self.findings))
+            self.findings += made.result()
         except InputError as error:
             self._failures.append(error)
             self.findings.append(f"{node.path.name}: not imported: {error.what}: {error.where}")
@@ -214,8 +242,11 @@ def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
             target.mkdir(parents=True, exist_ok=True)
             write_session(open_session(folder), target, findings)
         progress(path.name, len(sessions), len(sessions))
-        for manifest in sorted(path.rglob("project.json")):
-            _write_lists(manifest.parent, staging / manifest.parent.relative_to(path))
+        for project in sorted(
+            {parent for folder in sessions for parent in folder.parents if parent.is_relative_to(path)}
+        ):
+            if (project / PROJECT_FILE).is_file():
+                _write_lists(project, staging / project.relative_to(path))
     return ExportReport(path=dest, format=NAME, sessions=len(sessions), findings=tuple(findings))
 
 
@@ -224,9 +255,8 @@ def _write_lists(project: Path, target: Path) -> None:
     prefix = f"{PREFIX}list:"
     for key, value in foreign.items():
         name = key.removeprefix(prefix)
-        if not key.startswith(prefix) or ":" in name or "/" in name:
+        if not key.startswith(prefix) or not name.endswith(".project") or not is_inside(name) or "/" in name:
             continue
-        target.mkdir(parents=True, exist_ok=True)
         listed = ProjectList(
             tuple(value.split("\n")) if value else (),
             newline="\r\n" if foreign.get(f"{key}:line_end") == "crlf" else "\n",

@@ -31,7 +31,6 @@ MAX_LIVE_BYTES = 256 << 20
 """Bytes read since the tree was last empty, and the default size of a document read whole."""
 
 _CHUNK_BYTES = 1 << 18
-_CUT_CHUNK_BYTES = 1 << 22
 _BOM = b"\xef\xbb\xbf"
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
 _FORBIDDEN = re.compile(rb"\x00|<!doctype|<!entity", re.IGNORECASE)
@@ -82,13 +81,13 @@ def read_input(source: Path | bytes, what: str, max_bytes: int) -> bytes:
     return data
 
 
-def _chunks(source: Path | bytes, what: str, size: int) -> Iterator[bytes]:
+def _chunks(source: Path | bytes, what: str) -> Iterator[bytes]:
     if isinstance(source, bytes):
-        for start in range(0, len(source), size):
-            yield source[start : start + size]
+        for start in range(0, len(source), _CHUNK_BYTES):
+            yield source[start : start + _CHUNK_BYTES]
     else:
         with open_input(source, what) as file:
-            while chunk := file.read(size):
+            while chunk := file.read(_CHUNK_BYTES):
                 yield chunk
 
 
@@ -290,7 +289,7 @@ class _Feed:
 
     def _pieces(self) -> Iterator[bytes | None]:
         """What to feed the parser, and None at the end."""
-        for piece in self._checked() if self.cut is None else self._cut():
+        for piece in self._checked() if self.cut is None else self.cut(self._checked()):
             self.parsed_bytes += len(piece)
             if (
                 self._max_record_bytes is not None
@@ -304,19 +303,10 @@ class _Feed:
             yield piece
         yield None
 
-    def _cut(self) -> Iterator[bytes]:
-        """What is left of the document, in pieces as small as if nothing had been cut out."""
-        assert self.cut is not None
-        for piece in self.cut(self._checked()):
-            for start in range(0, len(piece), _CHUNK_BYTES):
-                yield piece[start : start + _CHUNK_BYTES]
-
     def _checked(self) -> Iterator[bytes]:
         """The document without its BOM, each piece checked before it is fed."""
-        lines, tail = 1, b""
-        for chunk in _chunks(
-            self._source, self._what, _CHUNK_BYTES if self.cut is None else _CUT_CHUNK_BYTES
-        ):
+        tail = b""
+        for chunk in _chunks(self._source, self._what):
             piece = chunk if self.fed_bytes else _check_head(chunk, self._what)
             self.fed_bytes += len(piece)
             if self._max_bytes is not None and self.fed_bytes > self._max_bytes:
@@ -328,13 +318,20 @@ class _Feed:
             if any(start in piece or start in tail for start in _FORBIDDEN_STARTS):
                 window = tail + piece
                 if forbidden := _FORBIDDEN.search(window):
-                    line = lines + window.count(b"\n", len(tail), forbidden.start())
+                    line = self._line_at(self.fed_bytes - len(window) + forbidden.start())
                     raise _refused(forbidden.group(), line, self._what)
-            lines += piece.count(b"\n")
             tail = (tail + piece[-_FORBIDDEN_OVERLAP:])[-_FORBIDDEN_OVERLAP:]
             yield piece
         if not self.fed_bytes:
             raise FormatError(self._what, where="the file is empty", fix="restore it from a copy")
+
+    def _line_at(self, position: int) -> int:
+        """The line of a byte, counted when an error needs it (from the start of the document without BOM)."""
+        line, rest = 1, position
+        for chunk in _chunks(self._source, self._what):
+            line += chunk.count(b"\n", 0, max(rest, 0))
+            rest -= len(chunk)
+        return line
 
     def _fault(self, code: int, message: str | None, line: int | None, *, at_end: bool) -> EcatError:
         text = _POSITION.sub("", message or "not well-formed XML")
