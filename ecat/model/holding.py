@@ -1,28 +1,41 @@
 """Which relations hold when: marked facts turned into intervals (ECAT 2018 file format §2.10).
 
-A positive fact first ends the facts that conflict with it by a constraint, then holds itself, unless one of
-its objects is absent (IDENTITY is exempt).  A negative fact ends its exact positive counterpart.
+A positive fact ends the facts that conflict with it by a constraint; a negative fact ends its exact positive
+counterpart.  A fact holds while all its objects are there; IDENTITY holds of absent ones too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 from ecat.model.annotation import AnnotatedObject, Relation
 from ecat.model.scheme import CodingScheme
 
+Stretches: TypeAlias = tuple[tuple[int, int | None], ...]
+"""Half-open intervals of frames in ascending order, apart from each other; ``None``: to the end."""
 
-def present_at(thing: AnnotatedObject, frame: int) -> bool:
-    """Whether the object is there at ``frame``: its last key frame up to then is not an absence.
+ALWAYS: Stretches = ((-1, None),)
+"""From the position before the first image on."""
 
-    An object without key frames (its marks are in a table) counts as present.  Unlike ECAT, an absence at the
+
+def presence(thing: AnnotatedObject) -> Stretches:
+    """When the object is there: from a key frame that is no absence to the next that is one.
+
+    An object without key frames (its marks are in a table) is always there.  Unlike ECAT, an absence at the
     very first frame counts.
     """
-    last = None
-    for key in thing.key_frames:
-        if key.frame <= frame:
-            last = key
-    return last.present if last is not None else not thing.key_frames
+    if not thing.key_frames:
+        return ALWAYS
+    found: list[tuple[int, int | None]] = []
+    start: int | None = None
+    for frame, present in sorted({key.frame: key.present for key in thing.key_frames}.items()):
+        if present and start is None:
+            start = frame
+        elif not present and start is not None:
+            found.append((start, frame))
+            start = None
+    return (*found, (start, None)) if start is not None else tuple(found)
 
 
 def conflicts(scheme: CodingScheme, first: Relation, second: Relation) -> bool:
@@ -47,36 +60,49 @@ def conflicts(scheme: CodingScheme, first: Relation, second: Relation) -> bool:
 
 
 def intervals(
-    relations: Iterable[Relation],
-    scheme: CodingScheme,
-    is_present: Callable[[str, int], bool],
-) -> Iterator[tuple[int, Relation, int | None]]:
-    """Every positive relation with the frame at which it stops holding.
+    relations: Sequence[Relation], scheme: CodingScheme, present: Callable[[str], Stretches]
+) -> dict[int, Stretches]:
+    """When each positive relation holds, by its position in ``relations``; empty if never.
 
-    Yields ``(index, relation, end_frame)`` where ``index`` counts ``relations`` and ``end_frame`` is ``None``
-    for facts that hold to the end of the session.  ``is_present(object_id, frame)`` answers for ids of other
-    sessions too.
+    Relations with an ``end_frame`` hold as they say.  ``present(object_id)`` tells when an object is there, and
+    answers for ids of other sessions too.
     """
-    held: list[tuple[int, Relation]] = []
-    ordered = sorted(enumerate(relations), key=lambda pair: pair[1].start_frame)
-    for index, relation in ordered:
-        if relation.end_frame is not None:
-            if relation.polarity:
-                yield index, relation, relation.end_frame
-            continue
-        still: list[tuple[int, Relation]] = []
-        for i, old in held:
-            same = old.predicate == relation.predicate and old.targets == relation.targets
-            ends = same if not relation.polarity else (same or conflicts(scheme, old, relation))
-            if ends:
-                yield i, old, relation.start_frame
-            else:
-                still.append((i, old))
-        held = still
-        exempt = relation.predicate == "IDENTITY"
-        if relation.polarity and (
-            exempt or all(is_present(t, relation.start_frame) for t in relation.targets)
-        ):
-            held.append((index, relation))
-    for index, relation in held:
-        yield index, relation, None
+    found: dict[int, Stretches] = {}
+    for index, end in _ends(relations, scheme).items():
+        relation = relations[index]
+        stretches: Stretches = ((relation.start_frame, end),)
+        if relation.end_frame is None and relation.predicate != "IDENTITY":
+            for target in relation.targets:
+                stretches = _common(stretches, present(target))
+        found[index] = stretches
+    return found
+
+
+def _ends(relations: Sequence[Relation], scheme: CodingScheme) -> dict[int, int | None]:
+    """The frame at which each positive relation ends or is contradicted."""
+    ends: dict[int, int | None] = {}
+    held: list[int] = []
+    for index, relation in sorted(enumerate(relations), key=lambda pair: pair[1].start_frame):
+        if relation.end_frame is None:
+            for i in list(held):
+                old = relations[i]
+                same = old.predicate == relation.predicate and old.targets == relation.targets
+                if same or (relation.polarity and conflicts(scheme, old, relation)):
+                    ends[i] = relation.start_frame
+                    held.remove(i)
+        if relation.polarity:
+            ends[index] = relation.end_frame
+            if relation.end_frame is None:
+                held.append(index)
+    return ends
+
+
+def _common(first: Stretches, second: Stretches) -> Stretches:
+    """Where both hold."""
+    found: list[tuple[int, int | None]] = []
+    for a, b in first:
+        for c, d in second:
+            end = min((e for e in (b, d) if e is not None), default=None)
+            if end is None or max(a, c) < end:
+                found.append((max(a, c), end))
+    return tuple(found)

@@ -1,21 +1,24 @@
 """Annotation layers as Parquet-ready tables: the same facts as the XML, tidy, for queries.
 
-Frames are clamped to the recording's start and every interval has at least one image: position -1 of an
-imported key frame shows the first image (see :mod:`ecat.model.annotation`).
+Frames are clamped to the recording's start: position -1 of an imported key frame shows the first image (see
+:mod:`ecat.model.annotation`).  Of several key frames at one image the last counts.  Every interval has at least
+one image, but that of a fact that never held, which is empty.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 import pyarrow as pa
 
+from ecat.errors import SchemaError
 from ecat.model import AnnotatedObject, KeyFrame, Layer, Manifest
-from ecat.model.holding import intervals, present_at
+from ecat.model.holding import ALWAYS, Stretches, intervals, presence
 from ecat.model.scheme import ECAT_2018_SCHEME, CodingScheme
-from ecat.tables import PUBLISHED
+from ecat.tables import PUBLISHED, TableSchema
 
 Row = dict[str, Any]
 
@@ -32,20 +35,43 @@ def publish(
         _objects(layer, manifest, rows)
         _events(layer, manifest, rows)
         rows["relations"] += _relations(layer, manifest, scheme)
-    return {schema.name: _table(rows[schema.name], schema.arrow) for schema in PUBLISHED}
+    return {schema.name: _table(rows[schema.name], schema) for schema in PUBLISHED}
 
 
-def _table(rows: list[Row], schema: pa.Schema) -> pa.Table:
-    return pa.Table.from_arrays(
-        [pa.array([row[field.name] for row in rows], type=field.type) for field in schema], schema=schema
-    )
+def _table(rows: list[Row], schema: TableSchema) -> pa.Table:
+    if schema.order:
+        # nulls last, as Arrow sorts them
+        rows = sorted(rows, key=lambda row: [(row[name] is None, row[name] or 0) for name in schema.order])
+    columns = [_column([row[field.name] for row in rows], field, schema.name) for field in schema.arrow]
+    return pa.Table.from_arrays(columns, schema=schema.arrow)
+
+
+def _column(values: list[Any], field: pa.Field[Any], table: str) -> pa.Array[Any]:
+    try:
+        return pa.array(values, type=field.type)
+    except (ValueError, OverflowError):
+        wrong = (f"{field.name}: {value!r:.60}" for value in values if not _fits(value, field.type))
+        raise SchemaError(
+            f"cannot publish the table of {table}",
+            problems=tuple(islice(wrong, 100)),
+            consequence="nothing was changed",
+            fix=f"correct the annotation: the column is {field.type}",
+        ) from None
+
+
+def _fits(value: object, kind: pa.DataType) -> bool:
+    try:
+        pa.array([value], type=kind)
+    except (ValueError, OverflowError):
+        return False
+    return True
 
 
 def _interval(
-    manifest: Manifest, start: int, end: int | None, start_ns: int | None, end_ns: int | None
+    manifest: Manifest, start: int, end: int | None, start_ns: int | None, end_ns: int | None, images: int = 1
 ) -> Row:
     start = max(start, 0)
-    end = None if end is None else max(end, start + 1)
+    end = None if end is None else max(end, start + images)
     clock, n = manifest.clock, manifest.n_frames
     return {
         "start_frame": start,
@@ -72,7 +98,7 @@ def _objects(layer: Layer, manifest: Manifest, rows: dict[str, list[Row]]) -> No
             }
         )
         for dimensions, keys in ((2, thing.key_frames), (3, thing.key_frames_3d)):
-            for key in keys:
+            for key in {max(key.frame, 0): key for key in keys}.values():
                 rows["keyframes"] += _vertices(layer.name, thing, key, dimensions, manifest)
 
 
@@ -140,32 +166,34 @@ def _events(layer: Layer, manifest: Manifest, rows: dict[str, list[Row]]) -> Non
         ]
 
 
-def _relations(layer: Layer, manifest: Manifest, scheme: CodingScheme) -> list[Row]:
-    things = {thing.id: thing for thing in layer.objects}
+def _relations(layer: Layer, manifest: Manifest, scheme: CodingScheme) -> Iterator[Row]:
+    there = {thing.id: presence(thing) for thing in layer.objects}
 
-    def is_present(object_id: str, frame: int) -> bool:
-        thing = things.get(object_id)
+    def present(object_id: str) -> Stretches:
         # an object of another session is taken to be there: looking would mean opening that session
-        return present_at(thing, frame) if thing is not None else "/" in object_id
+        return there.get(object_id, ALWAYS if "/" in object_id else ())
 
-    ends = {index: end for index, _, end in intervals(layer.relations, scheme, is_present)}
-    return [
-        {
-            "layer": layer.name,
-            "relation": index,
-            "predicate": relation.predicate,
-            "arguments": list(relation.targets),
-            "polarity": relation.polarity,
-            "source": relation.source,
-            "status": relation.status,
-        }
-        | _interval(
-            manifest,
-            relation.start_frame,
-            # a fact about something absent never held: its interval is the one image it was marked on
-            ends.get(index, relation.start_frame if relation.polarity else relation.end_frame),
-            relation.start_ns,
-            relation.end_ns,
-        )
-        for index, relation in enumerate(layer.relations)
-    ]
+    held = intervals(layer.relations, scheme, present)
+    for index, relation in enumerate(layer.relations):
+        start, end = relation.start_frame, relation.end_frame
+        if relation.polarity:
+            stretches = held[index] or ((start, start),)
+        else:
+            stretches = ((start, end),)
+        for first, last in stretches:
+            yield {
+                "layer": layer.name,
+                "relation": index,
+                "predicate": relation.predicate,
+                "arguments": list(relation.targets),
+                "polarity": relation.polarity,
+                "source": relation.source,
+                "status": relation.status,
+            } | _interval(
+                manifest,
+                first,
+                last,
+                relation.start_ns if first == start else None,
+                relation.end_ns if last == end else None,
+                images=0,
+            )

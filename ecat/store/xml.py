@@ -28,7 +28,6 @@ MAX_BYTES = 64 << 20
 _MAX_TEXT = 10_000_000  # bytes of UTF-8 of one text or attribute; libxml2 reads no more
 _MAX_PROBLEMS = 100
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_ENCODINGS = {"UTF-8", "US-ASCII", "ASCII"}
 _HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
@@ -254,11 +253,7 @@ def _parse(data: bytes, name: str) -> Any:
     if len(data) > MAX_BYTES:
         raise LimitError(f"cannot read {name}", where=f"{len(data)} bytes, at most {MAX_BYTES} are read")
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data or b"\0" in data[:4096]:
-        raise FormatError(
-            f"cannot read {name}",
-            where="it has a document type, entities or NUL bytes",
-            fix="remove them: annotation files have none",
-        )
+        raise _not_plain(name)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
@@ -268,10 +263,17 @@ def _parse(data: bytes, name: str) -> Any:
         where = f"line {error.lineno}: {' '.join((error.msg or 'not XML').split())}"
         raise FormatError(f"cannot read {name}", where=where) from None
     # in another encoding the bytes of a document type look different
-    encoding = root.getroottree().docinfo.encoding
-    if encoding.upper() not in _ENCODINGS:
-        raise FormatError(f"cannot read {name}", where=f"its encoding is {encoding}, expected UTF-8")
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise _not_plain(name)
     return root
+
+
+def _not_plain(name: str) -> FormatError:
+    return FormatError(
+        f"cannot read {name}",
+        where="it has a document type, entities or NUL bytes",
+        fix="remove them: annotation files have none",
+    )
 
 
 def _collect(element: Any, kind: type, path: str, problems: list[str]) -> dict[str, Any]:
