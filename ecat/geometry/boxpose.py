@@ -4,7 +4,7 @@ not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,23 @@ def box_poses(
         free[doubtful[take]] = True
         best = _replaced(best, doubtful[take], lifted[take])
     return _judged(best, free, noise, doubt)
+
+
+def moved_to(
+    found: BoxPoses,
+    pose: Rigid,
+    seen: Sightings,
+    prototype: BoxPrototype,
+    camera: Camera,
+    table: Rigid,
+    *,
+    noise: Noise | None = None,
+) -> BoxPoses:
+    """The same frames at other poses: the residual says how well those agree with what is seen."""
+    noise = noise or Noise()
+    fit = refine(seen, scene_of(prototype, camera, table), pose, noise, freedom=RESTING, steps=0)
+    residual = _judged(fit, found.free, noise, Doubt(face_px=np.inf)).residual_px
+    return replace(found, pose=pose, residual_px=residual)
 
 
 def resting_fit(seen: Sightings, scene: Scene, noise: Noise) -> Fit:

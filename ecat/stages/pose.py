@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 
 from ecat.errors import InputError
 from ecat.geometry.boxfit import Noise
-from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses
+from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses, moved_to
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
+from ecat.geometry.contact import parted
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
@@ -25,12 +27,17 @@ NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "residual_px", "sigma_m", "sig
 
 @dataclass(frozen=True)
 class PoseParameters:
-    """``prototypes`` should be calibrated ones; the nominal boxes are a rough default."""
+    """``prototypes`` should be calibrated ones; the nominal boxes are a rough default.
+
+    ``overlap_m``: resting boxes that stand in each other by more are moved apart to that; as much may be the
+    error of both places.
+    """
 
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
     camera: Camera = KINECT_V2_COLOR
     noise: Noise = field(default_factory=Noise)
     doubt: Doubt = field(default_factory=Doubt)
+    overlap_m: float = 0.004
 
 
 def table_frame(table_plane: pa.Table) -> Rigid:
@@ -78,7 +85,54 @@ def estimate_poses(
         )
         for box in boxes
     ]
+    found = _solid(boxes, found, parameters, table)
     return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, found, strict=True)])
+
+
+def _solid(
+    boxes: Sequence[BoxSightings], found: Sequence[BoxPoses], parameters: PoseParameters, table: Rigid
+) -> list[BoxPoses]:
+    """The poses with resting boxes moved out of each other, frame by frame."""
+    apart = list(found)
+    for i, j in combinations(range(len(boxes)), 2):
+        _, a, b = np.intersect1d(boxes[i].frame, boxes[j].frame, return_indices=True)
+        resting = [(p.n_faces > 0) & ~p.free for p in (apart[i], apart[j])]
+        both = resting[0][a] & resting[1][b]
+        rows = {i: a[both], j: b[both]}
+        before = {k: Rigid(apart[k].pose.rotation[r], apart[k].pose.translation[r]) for k, r in rows.items()}
+        sizes = [np.array(parameters.prototypes[boxes[k].prototype].size_m) for k in rows]
+        sigmas = [apart[k].sigma_m[r] for k, r in rows.items()]
+        after = parted(before[i], before[j], (sizes[0], sizes[1]), (sigmas[0], sigmas[1]), parameters.overlap_m)
+        for k, pose in zip(rows, after, strict=True):
+            moved = np.abs(pose.translation - before[k].translation).max(-1, initial=0.0) > 0
+            apart[k] = _moved(boxes[k], apart[k], rows[k][moved], pose.translation[moved], parameters, table)
+    return apart
+
+
+def _moved(
+    box: BoxSightings,
+    found: BoxPoses,
+    rows: NDArray[np.intp],
+    translation: Floats,
+    parameters: PoseParameters,
+    table: Rigid,
+) -> BoxPoses:
+    if not rows.size:
+        return found
+    places = found.pose.translation.copy()
+    places[rows] = translation
+    moved = moved_to(
+        found,
+        Rigid(found.pose.rotation, places),
+        box.seen,
+        parameters.prototypes[box.prototype],
+        parameters.camera,
+        table,
+        noise=parameters.noise,
+    )
+    residual = found.residual_px.copy()
+    residual[rows] = moved.residual_px[rows]
+    return replace(moved, residual_px=residual)
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,14 @@ def staged_file(dest: Path, *, replace: bool = False) -> Generator[Path]:
     """
     what = f"cannot write {dest.name}"
     staging = dest.with_name(f".{dest.name}.{secrets.token_hex(8)}.partial")
-    made = [folder for folder in (dest.parent, *dest.parent.parents) if not folder.exists()]
+    missing = [folder for folder in (dest.parent, *dest.parent.parents) if not folder.exists()]
+    made: list[Path] = []
     try:
         with files.typed_errors(what, dest, f"nothing was written to {dest}"):
             _must_be_free(dest, replace=replace)
-            for folder in reversed(made):
+            for folder in reversed(missing):
                 files.make_folder(folder)
+                made.insert(0, folder)
             yield staging
             files.sync(staging)
             _must_be_free(dest, replace=replace)

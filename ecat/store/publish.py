@@ -41,7 +41,7 @@ def publish(
 def _table(rows: list[Row], schema: TableSchema) -> pa.Table:
     if schema.order:
         # nulls last, as Arrow sorts them
-        rows = sorted(rows, key=lambda row: [(row[name] is None, row[name] or 0) for name in schema.order])
+        rows = sorted(rows, key=lambda row: [(row[name] is None, row[name]) for name in schema.order])
     columns = [_column([row[field.name] for row in rows], field, schema.name) for field in schema.arrow]
     return pa.Table.from_arrays(columns, schema=schema.arrow)
 
@@ -68,7 +68,13 @@ def _fits(value: object, kind: pa.DataType) -> bool:
 
 
 def _interval(
-    manifest: Manifest, start: int, end: int | None, start_ns: int | None, end_ns: int | None, images: int = 1
+    manifest: Manifest,
+    start: int,
+    end: int | None,
+    *,
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+    images: int = 1,
 ) -> Row:
     start = max(start, 0)
     end = None if end is None else max(end, start + images)
@@ -126,8 +132,9 @@ def _events(layer: Layer, manifest: Manifest, rows: dict[str, list[Row]]) -> Non
     for event in layer.events:
         key = {"layer": layer.name, "event_id": event.id}
         spans = [
-            _interval(manifest, s.start_frame, s.end_frame, s.start_ns, s.end_ns) for s in event.segments
-        ] or [_interval(manifest, 0, None, None, None)]
+            _interval(manifest, s.start_frame, s.end_frame, start_ns=s.start_ns, end_ns=s.end_ns)
+            for s in event.segments
+        ] or [_interval(manifest, 0, None)]
         whole = min(spans, key=lambda s: s["start_frame"]) | {
             name: max(spans, key=lambda s: s["end_frame"] or 0)[name] for name in ("end_frame", "end_ns")
         }
@@ -176,10 +183,7 @@ def _relations(layer: Layer, manifest: Manifest, scheme: CodingScheme) -> Iterat
     held = intervals(layer.relations, scheme, present)
     for index, relation in enumerate(layer.relations):
         start, end = relation.start_frame, relation.end_frame
-        if relation.polarity:
-            stretches = held[index] or ((start, start),)
-        else:
-            stretches = ((start, end),)
+        stretches = held[index] or ((start, start),) if relation.polarity else ((start, end),)
         for first, last in stretches:
             yield {
                 "layer": layer.name,
@@ -193,7 +197,7 @@ def _relations(layer: Layer, manifest: Manifest, scheme: CodingScheme) -> Iterat
                 manifest,
                 first,
                 last,
-                relation.start_ns if first == start else None,
-                relation.end_ns if last == end else None,
+                start_ns=relation.start_ns if first == start else None,
+                end_ns=relation.end_ns if last == end else None,
                 images=0,
             )

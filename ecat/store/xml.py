@@ -112,14 +112,15 @@ def _document(tag: str, value: Any) -> bytes:
     _write(out, tag, value, "")
     text = "".join(out)
     # a line holds at most one text; the fields are looked through only if something may be wrong
-    if _NOT_XML.search(text) or max(map(len, out)) > _MAX_TEXT // 4:
-        if problems := tuple(islice(_unwritable(value, f"/{tag}"), _MAX_PROBLEMS)):
-            raise SchemaError(
-                f"cannot write the {tag.replace('_', ' ')} {value.name!r}",
-                problems=problems,
-                consequence="nothing was written",
-                fix="remove the control characters, or shorten the text",
-            )
+    suspicious = _NOT_XML.search(text) or max(map(len, out)) > _MAX_TEXT // 4
+    problems = tuple(islice(_unwritable(value, f"/{tag}"), _MAX_PROBLEMS)) if suspicious else ()
+    if problems:
+        raise SchemaError(
+            f"cannot write the {tag.replace('_', ' ')} {value.name!r}",
+            problems=problems,
+            consequence="nothing was written",
+            fix="remove the control characters, or shorten the text",
+        )
     data = text.encode()
     if len(data) > MAX_BYTES:
         raise LimitError(

@@ -186,8 +186,8 @@ def gap_m(a: Floats, b: Floats, half: tuple[float, float]) -> Floats:
     return np.max(found, axis=0)
 
 
-def test_blocks_hardly_overlap(real: Sessions, poses: Poses) -> None:
-    """Two solid blocks of 152.4 mm; all that is left are two pushes, seen through one oblique face only."""
+def test_blocks_do_not_stand_in_each_other(real: Sessions, poses: Poses) -> None:
+    """Two solid blocks of 152.4 mm; in the pushes, seen through one oblique face, they touch."""
     rows = candidate(real, poses)
     rows = rows[rows["observed"] & (rows["support"] == "table")]
     both = rows.pivot_table(
@@ -197,8 +197,7 @@ def test_blocks_hardly_overlap(real: Sessions, poses: Poses) -> None:
         both.xs(o, axis=1, level=1)[["x", "y", "rotation"]].to_numpy() for o in ("Shell", "Stella Artois")
     )
     gap = 1000 * gap_m(a, b, (0.0762, 0.0762))
-    assert gap.min() > -10
-    assert (gap < -3).mean() < 0.02
+    assert gap.min() > -3
 
 
 def test_the_smoother_takes_noise_away_without_lag(

@@ -135,7 +135,7 @@ class _Writer:
 
     def _files(self) -> Iterator[str]:
         listed = self._foreign.get("files")
-        unlisted = set(self._foreign.get("unlisted", "").split("\n"))
+        unlisted = set(self._foreign["unlisted"].split("\n")) if "unlisted" in self._foreign else set[str]()
         names = [name for name in self._file_names.values() if name not in unlisted]
         if listed is not None:
             said = [name for name in listed.split("\n") if name in names]

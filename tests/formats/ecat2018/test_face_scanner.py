@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 import pytest
 from hypothesis import given, settings
@@ -29,8 +30,8 @@ def scanned(data: bytes, size: int = 1 << 18) -> tuple[list[Face], bytes]:
     def take(dimensions: int, run: Run) -> None:
         corners, codes = iter(run.corners), iter(run.codes)
         for frame, cells, count in zip(run.frames, run.sizes, run.counts, strict=True):
-            for _ in range(count):
-                faces.append((dimensions, frame, cells, next(corners).decode(), next(codes).decode()))
+            texts = zip(islice(corners, count), islice(codes, count), strict=True)
+            faces.extend((dimensions, frame, cells, corner.decode(), code.decode()) for corner, code in texts)
 
     pieces = (data[i : i + size] for i in range(0, len(data), size))
     return faces, b"".join(FaceScanner(take).cut(pieces))

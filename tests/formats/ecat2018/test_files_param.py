@@ -333,22 +333,62 @@ BAD = {
     "a session inside of another root": (b"<a><session/></a>", FormatError, "inside of an element"),
     "no XML": (b"RIFF....AVI", FormatError, "not XML"),
     "NUL bytes": (FULL.encode().replace(b"cup", b"c\0p"), FormatError, "NUL"),
-    "a document type": (FULL.encode().replace(b"<session", b"<!DOCTYPE session><session", 1), FormatError, "document type"),
+    "a document type": (
+        FULL.encode().replace(b"<session", b"<!DOCTYPE session><session", 1),
+        FormatError,
+        "document type",
+    ),
     "an entity": (FULL.encode().replace(b'name="cup"', b'name="&cup;"'), FormatError, "line"),
     "UTF-16": ("<session/>".encode("utf-16"), FormatError, "UTF-16"),
     "bad UTF-8": (FULL.encode().replace(b"cup", b"c\xffp"), FormatError, "line"),
-    "a frame that is no number": (FULL.encode().replace(b'type="LOCATION" frame="1"', b'type="LOCATION" frame="x"'), FormatError, "whole number"),
-    "a frame beyond 32 bits": (FULL.encode().replace(b'startFrame="1"', b'startFrame="2147483648"'), FormatError, "32 bits"),
-    "a frame of a million digits": (FULL.encode().replace(b'startFrame="1"', b'startFrame="' + b"9" * 1_000_000 + b'"'), FormatError, "32 bits"),
+    "a frame that is no number": (
+        FULL.encode().replace(b'type="LOCATION" frame="1"', b'type="LOCATION" frame="x"'),
+        FormatError,
+        "whole number",
+    ),
+    "a frame beyond 32 bits": (
+        FULL.encode().replace(b'startFrame="1"', b'startFrame="2147483648"'),
+        FormatError,
+        "32 bits",
+    ),
+    "a frame of a million digits": (
+        FULL.encode().replace(b'startFrame="1"', b'startFrame="' + b"9" * 1_000_000 + b'"'),
+        FormatError,
+        "32 bits",
+    ),
     "no frame": (FULL.encode().replace(b' frame="3"', b""), FormatError, "found nothing"),
-    "a word among coordinates": (FULL.encode().replace(b"1,2,3,4", b"1,2,drei,4"), FormatError, "'drei' is not a number"),
-    "another type of marker": (FULL.encode().replace(b'type="LOCATION" frame="1"', b'type="MOVE" frame="1"'), FormatError, "'MOVE'"),
-    "a marker in the wrong place": (FULL.encode().replace(b"    <annotation ", b'    <marker frame="1" /><annotation '), FormatError, "outside of an <object>"),
-    "faces of a rectangle": (FULL.encode().replace(b"GlyphBoxObject", b"RectangleObject"), FormatError, "no glyph box"),
-    "a face without code": (FULL.encode().replace(f"<code>{CODE}</code>".encode(), b""), FormatError, "found <bounding>"),
+    "a word among coordinates": (
+        FULL.encode().replace(b"1,2,3,4", b"1,2,drei,4"),
+        FormatError,
+        "'drei' is not a number",
+    ),
+    "another type of marker": (
+        FULL.encode().replace(b'type="LOCATION" frame="1"', b'type="MOVE" frame="1"'),
+        FormatError,
+        "'MOVE'",
+    ),
+    "a marker in the wrong place": (
+        FULL.encode().replace(b"    <annotation ", b'    <marker frame="1" /><annotation '),
+        FormatError,
+        "outside of an <object>",
+    ),
+    "faces of a rectangle": (
+        FULL.encode().replace(b"GlyphBoxObject", b"RectangleObject"),
+        FormatError,
+        "no glyph box",
+    ),
+    "a face without code": (
+        FULL.encode().replace(f"<code>{CODE}</code>".encode(), b""),
+        FormatError,
+        "found <bounding>",
+    ),
     "a deep nest": (b"<session>" + b"<a>" * 1_000_000, LimitError, "deeper"),
-    "an object of 68 MB": (b"<session><objects><object>" + b"<z>1234</z>" * 6_200_000, LimitError, "bytes in one element"),
-}  # fmt: skip
+    "an object of 68 MB": (
+        b"<session><objects><object>" + b"<z>1234</z>" * 6_200_000,
+        LimitError,
+        "bytes in one element",
+    ),
+}
 
 
 @pytest.mark.parametrize(("data", "kind", "where"), BAD.values(), ids=BAD)

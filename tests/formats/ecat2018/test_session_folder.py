@@ -1,0 +1,234 @@
+"""A session folder becomes a session, and a session a folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from ecat.errors import EcatError, ReadOnlyError
+from ecat.formats.ecat2018.body_scheme import KINECT_V2, write_body_scheme
+from ecat.formats.ecat2018.session_folder import draft_of, write_session
+from ecat.formats.format import ImportOptions
+from ecat.model import Manifest, Provenance, Stream
+from ecat.store import Draft, create_session, open_session
+from tests.formats.ecat2018.documents import (
+    POINTS,
+    box,
+    box_marker,
+    document,
+    face,
+    location,
+    markers,
+    obj,
+    save,
+)
+
+RIG = (
+    '    <object id="o1" name="" filename="" objectType="3D" generate="PROVIDED" color="-65536" borderSize="1" '
+    'semanticType="bodyRig" shape="Annotator.RigObject" rigIndex="3" source="rig_1.xml" '
+    'sourceScheme="bodyScheme.xml" />\n'
+)
+
+
+def draft(folder: Path) -> tuple[Draft, list[str]]:
+    findings: list[str] = []
+    return draft_of(folder, ImportOptions(), findings), findings
+
+
+def session_folder(tmp_path: Path, text: str = document(), **others: bytes) -> Path:
+    folder = save(tmp_path, text).parent
+    for name, data in others.items():
+        (folder / name.replace("__", ".")).write_bytes(data)
+    return folder
+
+
+def imported_and_back(folder: Path, tmp_path: Path) -> tuple[Path, list[str]]:
+    made, _ = draft(folder)
+    session = create_session(tmp_path / "made", made)
+    findings: list[str] = []
+    back = tmp_path / "back"
+    back.mkdir()
+    write_session(session, back, findings)
+    return back, findings
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+class TestStreams:
+    def test_files_are_streams_whether_they_are_there_or_not(self, tmp_path: Path) -> None:
+        files = "    <file>rgb.AVI</file>\n    <file>depth.dep</file>\n    <file>rig_1.xml</file>\n"
+        made, _ = draft(session_folder(tmp_path, document(files=files), rgb__AVI=b"x", notes__txt=b"y"))
+        assert [(s.name, s.kind, s.file, s.present) for s in made.manifest.streams] == [
+            ("rgb.AVI", "color", "media/rgb.AVI", True),
+            ("depth.dep", "depth", "", False),
+            ("rig_1.xml", "skeleton", "", False),
+            ("notes.txt", "other", "media/notes.txt", True),
+        ]
+        assert made.manifest.cameras
+
+    def test_a_movie_session_has_no_cameras(self, tmp_path: Path) -> None:
+        made, _ = draft(session_folder(tmp_path, a__avi=b"x"))
+        assert made.manifest.cameras == ()
+
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "../secret",
+            "a/../../secret",
+            "/etc/passwd",
+            "C:\\x\\a.avi",
+            "..",
+            ".",
+            "",
+            "files.param",
+            "n" * 300,
+            "a:b",
+            "x" * 5000,
+        ],
+    )
+    def test_a_name_that_leads_elsewhere_names_no_file(self, tmp_path: Path, name: str) -> None:
+        (tmp_path / "secret").write_bytes(b"not yours")
+        folder = session_folder(
+            tmp_path, document(files=f"    <file>{name}</file>\n".replace("></file>", " />"))
+        )
+        made, _ = draft(folder)
+        assert made.files == {}
+        back, _ = imported_and_back(folder, tmp_path)
+        assert contents(back) == contents(folder)
+
+    def test_a_link_that_leaves_the_folder_is_not_followed(self, tmp_path: Path) -> None:
+        (tmp_path / "secret.avi").write_bytes(b"not yours")
+        folder = session_folder(tmp_path, document(files="    <file>a.avi</file>\n"))
+        (folder / "a.avi").symlink_to(tmp_path / "secret.avi")
+        made, _ = draft(folder)
+        assert made.files == {}
+
+    def test_names_that_a_file_system_may_not_have_are_changed_and_come_back(self, tmp_path: Path) -> None:
+        folder = session_folder(tmp_path, document(), **{"what? a*b.txt": b"x", "what_ a_b.txt": b"y"})
+        made, _ = draft(folder)
+        assert {s.file for s in made.manifest.streams} == {"media/what_ a_b.txt", "media/2_what_ a_b.txt"}
+        back, _ = imported_and_back(folder, tmp_path)
+        assert contents(back) == contents(folder)
+
+    def test_a_hand_edited_session_does_not_write_outside_of_the_export(self, tmp_path: Path) -> None:
+        (tmp_path / "a.avi").write_bytes(b"x")
+        stream = Stream(name="../../evil.avi", file="media/a.avi", present=True)
+        manifest = Manifest(
+            name="s", created="", streams=(stream,), provenance=Provenance(format="ecat-2018")
+        )
+        session = create_session(
+            tmp_path / "s", Draft(manifest=manifest, files={stream.name: tmp_path / "a.avi"})
+        )
+        back = tmp_path / "deep" / "back"
+        back.mkdir(parents=True)
+        findings: list[str] = []
+        write_session(session, back, findings)
+        assert findings == [
+            "s: stream ../../evil.avi: '../../evil.avi' cannot name a file of a session; left out"
+        ]
+        assert not list(tmp_path.rglob("evil.avi"))
+
+    def test_a_skeleton_that_is_not_there_does_not_write_elsewhere_either(self, tmp_path: Path) -> None:
+        files = "    <file>rig_/../../x.xml</file>\n"
+        back, _ = imported_and_back(session_folder(tmp_path, document(files=files, objects=RIG)), tmp_path)
+        assert contents(back).keys() == {"files.param"}
+
+
+class TestFolders:
+    def test_a_folder_without_a_session_file_is_an_empty_session(self, tmp_path: Path) -> None:
+        folder = tmp_path / "Session1"
+        folder.mkdir()
+        made, findings = draft(folder)
+        assert (made.manifest.n_frames, made.layers[0].objects, findings) == (0, (), [])
+        back, _ = imported_and_back(folder, tmp_path)
+        assert contents(back) == {}
+
+    def test_what_is_left_of_an_interrupted_save_is_told(self, tmp_path: Path) -> None:
+        folder = session_folder(tmp_path)
+        (folder / "~files.param").write_bytes(b"x")
+        made, findings = draft(folder)
+        assert findings == ["Session1: ~files.param is left of an interrupted save; not imported"]
+        assert made.manifest.streams == ()
+
+    def test_folders_in_a_session_are_told(self, tmp_path: Path) -> None:
+        folder = session_folder(tmp_path)
+        (folder / "old").mkdir()
+        assert draft(folder)[1] == ["Session1: the folder old was not imported"]
+
+    def test_many_findings_are_a_few_and_a_count(self, tmp_path: Path) -> None:
+        said = document(objects="".join(obj(id="o1") for _ in range(151)))
+        made, findings = draft(session_folder(tmp_path, said))
+        assert len(findings) == 101
+        assert findings[-1] == "Session1: and 50 more like these"
+        assert len(made.manifest.provenance.notes) == 101
+
+    def test_a_folder_that_cannot_be_read_is_one_error(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        folder = session_folder(tmp_path)
+
+        def denied(self: Path) -> list[Path]:
+            raise PermissionError(13, "Permission denied", str(self))
+
+        monkeypatch.setattr(Path, "iterdir", denied)
+        with pytest.raises(ReadOnlyError):
+            draft(folder)
+
+    @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+    def test_a_pipe_is_no_session_file(self, tmp_path: Path) -> None:
+        folder = tmp_path / "Session1"
+        folder.mkdir()
+        os.mkfifo(folder / "files.param")
+        with pytest.raises(EcatError, match=r"cannot import Session1/files\.param"):
+            draft(folder)
+
+
+def rig_file() -> bytes:
+    points = ",".join(["1,2,3"] * 25)
+    return (
+        '<BodyDataSequence><Body_Data><Subject id="3" /><Timestamp frame="1" time="0" />'
+        f"<Skeleton_Joint_Locations_Orig><Pts>{points}</Pts></Skeleton_Joint_Locations_Orig></Body_Data></BodyDataSequence>"
+    ).encode()
+
+
+class TestRigs:
+    @pytest.mark.parametrize(("index", "rows"), [("3", 25), ("2", 0), ("²", 25), ("9" * 5000, 25), ("", 25)])
+    def test_joints_are_those_of_the_rig_s_body(self, tmp_path: Path, index: str, rows: int) -> None:
+        said = document(objects=RIG.replace('rigIndex="3"', f'rigIndex="{index}"'))
+        scheme = b"".join([write_body_scheme(KINECT_V2)])
+        made, _ = draft(session_folder(tmp_path, said, rig_1__xml=rig_file(), bodyScheme__xml=scheme))
+        joints = made.tables.get("joints")
+        assert (0 if joints is None else joints.data.num_rows) == rows  # type: ignore[union-attr]
+
+    def test_the_files_of_a_rig_come_back(self, tmp_path: Path) -> None:
+        folder = session_folder(tmp_path, document(objects=RIG), rig_1__xml=rig_file(), bodyScheme__xml=b"")
+        (folder / "bodyScheme.xml").write_bytes(write_body_scheme(KINECT_V2))
+        back, _ = imported_and_back(folder, tmp_path)
+        assert contents(back) == contents(folder)
+
+
+def test_marks_and_annotation_are_in_the_session(tmp_path: Path) -> None:
+    objects = box(box_marker(0, face(), face()), box_marker(0, face(POINTS), dimensions=3)) + obj(
+        markers(location(1)), id="o2"
+    )
+    made, _ = draft(session_folder(tmp_path, document(objects=objects)))
+    create_session(tmp_path / "made", made)
+    session = open_session(tmp_path / "made")
+    assert session.table("markers_2d").num_rows == 2
+    assert session.table("markers_3d").num_rows == 1
+    assert session.objects.to_arrow()["kind"].to_pylist() == ["marker_box", "rectangle"]
+
+
+def test_other_layers_are_left_out_and_told(tmp_path: Path) -> None:
+    made, _ = draft(session_folder(tmp_path))
+    session = create_session(tmp_path / "made", made)
+    with session.write() as commit:
+        commit.put_layer(type(made.layers[0])(name="gold"))
+    findings: list[str] = []
+    (tmp_path / "back").mkdir()
+    write_session(session, tmp_path / "back", findings)
+    assert findings == ["Session1: ECAT has one layer; 'gold' was left out"]

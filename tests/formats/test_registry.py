@@ -1,0 +1,85 @@
+"""Formats by name, by looks, and from other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from ecat import formats
+from ecat.errors import FormatError, NotFoundError, UsageError
+from ecat.formats import Format, registry
+
+
+@pytest.fixture(autouse=True)
+def fresh() -> Iterator[None]:
+    registry.all_formats.cache_clear()
+    yield
+    registry.all_formats.cache_clear()
+
+
+def test_ecat_s_own_formats_are_there_in_the_order_of_their_names() -> None:
+    assert [known.name for known in registry.all_formats()][:2] == ["ecat-2018", "poses"]
+    assert registry.find("ecat-2018").reads
+    assert registry.find("ecat-2018").writes
+    assert not registry.find("poses").reads
+
+
+@dataclass
+class Point:
+    name: str
+    value: str
+
+
+def test_another_package_adds_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    mine = Format(name="mine", description="what I have", sniff=lambda path: path.suffix == ".mine")
+    monkeypatch.setattr(
+        registry,
+        "entry_points",
+        lambda group: [Point("mine", "my.module")] if group == "ecat.formats" else [],
+    )
+    load = registry.import_module
+    monkeypatch.setattr(
+        registry,
+        "import_module",
+        lambda name: SimpleNamespace(FORMAT=mine) if name == "my.module" else load(name),
+    )
+    assert registry.find("mine") is mine
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="unknown format 'elan'") as caught:
+        registry.find("elan")
+    assert "ecat-2018, poses" in caught.value.where
+
+
+class TestSniffing:
+    def test_nothing_there(self, tmp_path: Path) -> None:
+        with pytest.raises(NotFoundError):
+            registry.sniff(tmp_path / "nothing")
+
+    def test_nothing_known(self, tmp_path: Path) -> None:
+        with pytest.raises(FormatError, match="cannot import") as caught:
+            registry.sniff(tmp_path)
+        assert "--format NAME" in caught.value.fix
+
+    def test_a_session_folder(self, tmp_path: Path) -> None:
+        (tmp_path / "files.param").write_text("<session />")
+        assert registry.sniff(tmp_path).name == "ecat-2018"
+
+
+class TestDirections:
+    def test_a_format_that_is_only_written_is_not_read(self, tmp_path: Path) -> None:
+        with pytest.raises(UsageError, match="the format poses is only written, not read"):
+            formats.import_source(tmp_path, tmp_path / "out", format="poses")
+
+    def test_a_format_that_is_only_read_is_not_written(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        only_read = Format(name="r", description="", read=registry.find("ecat-2018").read)
+        monkeypatch.setattr(registry, "find", lambda _: only_read)
+        with pytest.raises(UsageError, match="the format r is only read, not written"):
+            formats.export(tmp_path, tmp_path / "out", format="r")
