@@ -41,13 +41,23 @@ def placed(project: Path, prototypes: Callable[[Path], Any], out: Path) -> float
 def yardstick(shared: Path, poses: Path) -> dict[str, Any]:
     """The figures of ``tools/static_jitter.py``."""
     data = shared / "data" / "demonstrations_ch5" / "demonstrations"
-    command = [sys.executable, str(shared / "tools" / "static_jitter.py"), str(poses), "--data", str(data), "--json"]
+    command = [
+        sys.executable,
+        str(shared / "tools" / "static_jitter.py"),
+        str(poses),
+        "--data",
+        str(data),
+        "--json",
+    ]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)  # noqa: S603
 
 
 def reprojection_px(project: Path) -> float:
     """Median over frames of the RMS reprojection error."""
-    found = [np.asarray(open_session(path).poses.to_arrow()["residual_px"].drop_null()) for path in find_sessions(project)]
+    found = [
+        np.asarray(open_session(path).poses.to_arrow()["residual_px"].drop_null())
+        for path in find_sessions(project)
+    ]
     return float(np.median(np.concatenate(found)))
 
 
@@ -62,7 +72,9 @@ def show(title: str, figures: dict[str, Any], residual: float, seconds: float) -
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--shared", type=Path, default=Path(__file__).resolve().parents[2] / "shared")
     shared: Path = parser.parse_args().shared
     if not (shared / "data" / "ecat_kinect").is_dir():
@@ -76,7 +88,9 @@ def main() -> None:
         calibrated = time.perf_counter() - started
         others = {path: calibrate([p for p in sessions if p != path]) for path in sessions}
         alone = {path: calibrate([path]) for path in sessions}
-        print("| boxes calibrated on | median mm | mean | 90 % | > 30 mm % | angle deg | coverage | mean, not nudged | px | s |")
+        print(
+            "| boxes calibrated on | median mm | mean | 90 % | > 30 mm % | angle deg | coverage | mean, not nudged | px | s |"
+        )
         print("|---|---|---|---|---|---|---|---|---|---|")
         seconds = placed(project, lambda _: together, out) + calibrated
         figures = yardstick(shared, out)

@@ -89,9 +89,7 @@ class SchemaError(InputError):
         consequence: str = "",
         fix: str = "",
     ) -> None:
-        super().__init__(
-            what, where=where or "; ".join(problems[:3]), consequence=consequence, fix=fix
-        )
+        super().__init__(what, where=where or "; ".join(problems[:3]), consequence=consequence, fix=fix)
         self.problems = problems
 
     def to_dict(self) -> dict[str, str]:

@@ -33,13 +33,22 @@ SCHEMA = pa.schema(
 )
 
 
+def write_smooth(path: Path, dest: Path, progress: Progress) -> ExportReport:
+    """Write the smoothed poses of every session at ``path``; errors as in :func:`write`."""
+    return _write(path, dest, progress, "poses_smooth", "poses-smooth")
+
+
 def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
-    """Write the poses of every session at ``path``; the smoothed ones where there are any.
+    """Write the poses of every session at ``path``, each solved from its frame alone.
 
     Raises
     ------
     NotFoundError : no session has poses yet.
     """
+    return _write(path, dest, progress, "poses", "poses")
+
+
+def _write(path: Path, dest: Path, progress: Progress, table: str, name: str) -> ExportReport:
     sessions = find_sessions(path)
     findings: list[str] = []
     written = 0
@@ -50,27 +59,28 @@ def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
         for done, folder in enumerate(sessions):
             progress(folder.name, done, len(sessions))
             session = open_session(folder)
-            if not session.has_table("poses"):
-                findings.append(f"{folder.name}: no poses yet; left out")
+            if not session.has_table(table):
+                findings.append(f"{folder.name}: no table {table} yet; left out")
                 continue
-            out.write_table(_rows(session))
+            out.write_table(_rows(session, table))
             written += 1
         if not written:
             raise NotFoundError(
                 f"cannot export the poses of {path}",
-                where=f"none of its {len(sessions)} sessions has a table of poses",
+                where=f"none of its {len(sessions)} sessions has a table {table}",
                 consequence="nothing was written",
-                fix=f"ecat process {path}",
+                fix=f"ecat process {path}" + (" --smooth" if table == "poses_smooth" else ""),
             )
     progress(path.name, len(sessions), len(sessions))
-    return ExportReport(path=dest, format="poses", sessions=written, findings=tuple(findings))
+    return ExportReport(path=dest, format=name, sessions=written, findings=tuple(findings))
 
 
-def _rows(session: Session) -> pa.Table:
-    name = "poses_smooth" if session.has_table("poses_smooth") else "poses"
-    poses = session.table(name).to_arrow()
-    objects = session.objects.to_arrow().to_pylist()
-    names = {row["object_id"]: row["name"] for row in objects}
+def _rows(session: Session, table: str) -> pa.Table:
+    poses = session.table(table).to_arrow()
+    names: dict[str, str] = {}
+    for row in session.objects.to_arrow().to_pylist():
+        # the first layer's name counts; an object without one goes by its id
+        names.setdefault(row["object_id"], row["name"] or row["object_id"])
     quaternions = np.column_stack([np.asarray(poses[q]) for q in ("qx", "qy", "qz", "qw")])
     roll, pitch, yaw = euler_from_quaternion(quaternions)
     n = poses.num_rows
@@ -90,4 +100,9 @@ def _rows(session: Session) -> pa.Table:
     return pa.table([columns[field.name] for field in SCHEMA], schema=SCHEMA)
 
 
-FORMAT = Format(name="poses", description="block poses as one Parquet file", write=write)
+FORMAT = Format(
+    name="poses", description="block poses, each from its frame alone, as one Parquet file", write=write
+)
+SMOOTH = Format(
+    name="poses-smooth", description="block poses smoothed in time, as one Parquet file", write=write_smooth
+)

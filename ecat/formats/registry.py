@@ -1,6 +1,6 @@
 """Foreign formats by name: ecat's own and those that other packages add as entry points (group ``ecat.formats``).
 
-An entry point names a module with a ``FORMAT`` (:class:`ecat.formats.format.Format`).
+An entry point names a :class:`ecat.formats.format.Format`: ``module:NAME``, or a module that calls it ``FORMAT``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,28 @@ from ecat.errors import FormatError, NotFoundError, UsageError
 from ecat.formats.format import Format
 
 GROUP = "ecat.formats"
-_OWN = {"ecat-2018": "ecat.formats.ecat2018", "poses": "ecat.formats.poses"}
+_OWN = {
+    "ecat-2018": "ecat.formats.ecat2018",
+    "poses": "ecat.formats.poses",
+    "poses-smooth": "ecat.formats.poses:SMOOTH",
+}
 
 
 @cache
 def all_formats() -> tuple[Format, ...]:
     """Every format, in the order of their names.  Ecat's own are there even if it runs from a bare checkout."""
     modules = _OWN | {point.name: point.value for point in entry_points(group=GROUP)}
-    return tuple(import_module(modules[name]).FORMAT for name in sorted(modules))
+    return tuple(_load(name, modules[name]) for name in sorted(modules))
+
+
+def _load(name: str, value: str) -> Format:
+    module, _, attribute = value.partition(":")
+    if name in _OWN:
+        return getattr(import_module(module), attribute or "FORMAT")
+    try:
+        return getattr(import_module(module), attribute or "FORMAT")
+    except Exception as error:  # noqa: BLE001  # another package's fault must not take ecat's formats with it
+        return Format(name=name, description=f"cannot be loaded: {type(error).__name__}: {error}")
 
 
 def find(name: str) -> Format:

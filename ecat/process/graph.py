@@ -75,7 +75,9 @@ def process_session(
     session = open_session(path)
     unknown = set(stages or ()) - set(stage_names())
     if unknown:
-        raise UsageError(f"unknown stage {', '.join(sorted(unknown))}", where=f"stages: {', '.join(stage_names())}")
+        raise UsageError(
+            f"unknown stage {', '.join(sorted(unknown))}", where=f"stages: {', '.join(stage_names())}"
+        )
     chosen = [stage for stage in _stages() if _wanted(stage, session, stages, smooth=smooth)]
     if not session.has_table("markers_2d") and not session.has_table("markers_3d"):
         return ProcessReport(
@@ -87,7 +89,9 @@ def process_session(
     run = _Run(session, prototypes, progress, len(chosen))
     for stage in chosen:
         run.stage(stage, force=force)
-    return ProcessReport(path=path, ran=tuple(run.ran), skipped=tuple(run.skipped), findings=tuple(run.findings))
+    return ProcessReport(
+        path=path, ran=tuple(run.ran), skipped=tuple(run.skipped), findings=tuple(run.findings)
+    )
 
 
 def _wanted(stage: Stage, session: Session, names: Sequence[str] | None, *, smooth: bool) -> bool:

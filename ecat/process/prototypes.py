@@ -44,13 +44,17 @@ def read_prototypes(path: Path) -> tuple[BoxPrototype, ...]:
     except OSError as error:
         raise os_error(error, what, path) from error
     if len(data) > MAX_BYTES:
-        raise LimitError(what, where=f"more than {MAX_BYTES:,} bytes", fix="name a file written by ecat calibrate")
+        raise LimitError(
+            what, where=f"more than {MAX_BYTES:,} bytes", fix="name a file written by ecat calibrate"
+        )
     try:
         document = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise FormatError(what, where=str(error), fix="name a file written by ecat calibrate") from None
     if not isinstance(document, dict) or not isinstance(document.get("boxes"), list) or not document["boxes"]:
-        raise FormatError(what, where='expected {"version": 1, "boxes": [...]}', fix="ecat calibrate writes such a file")
+        raise FormatError(
+            what, where='expected {"version": 1, "boxes": [...]}', fix="ecat calibrate writes such a file"
+        )
     return tuple(BoxPrototype.from_dict(box) for box in document["boxes"])
 
 

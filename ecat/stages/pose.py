@@ -102,7 +102,9 @@ def _solid(
         before = {k: Rigid(apart[k].pose.rotation[r], apart[k].pose.translation[r]) for k, r in rows.items()}
         sizes = [np.array(parameters.prototypes[boxes[k].prototype].size_m) for k in rows]
         sigmas = [apart[k].sigma_m[r] for k, r in rows.items()]
-        after = parted(before[i], before[j], (sizes[0], sizes[1]), (sigmas[0], sigmas[1]), parameters.overlap_m)
+        after = parted(
+            before[i], before[j], (sizes[0], sizes[1]), (sigmas[0], sigmas[1]), parameters.overlap_m
+        )
         for k, pose in zip(rows, after, strict=True):
             moved = np.abs(pose.translation - before[k].translation).max(-1, initial=0.0) > 0
             apart[k] = _moved(boxes[k], apart[k], rows[k][moved], pose.translation[moved], parameters, table)

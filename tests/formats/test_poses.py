@@ -69,17 +69,26 @@ def test_a_row_per_frame_and_box_with_angles(tmp_path: Path) -> None:
     assert [second[name] for name in ("x", "rotation", "residual", "observed")] == [None, None, None, False]
 
 
-def test_smoothed_poses_are_preferred(tmp_path: Path) -> None:
+def test_smoothed_poses_are_a_format_of_their_own_and_never_taken_for_the_others(tmp_path: Path) -> None:
     source = session(tmp_path / "s", poses=poses("pose"), poses_smooth=poses("smooth", x=0.75))
     export(source, tmp_path / "out.parquet", format="poses")
-    assert pq.read_table(tmp_path / "out.parquet")["x"].to_pylist() == [0.75, None]
+    export(source, tmp_path / "smooth.parquet", format="poses-smooth")
+    assert pq.read_table(tmp_path / "out.parquet")["x"].to_pylist() == [0.5, None]
+    assert pq.read_table(tmp_path / "smooth.parquet")["x"].to_pylist() == [0.75, None]
+
+
+def test_asking_for_smoothed_poses_says_how_to_make_them(tmp_path: Path) -> None:
+    source = session(tmp_path / "s", poses=poses("pose"))
+    with pytest.raises(NotFoundError) as caught:
+        export(source, tmp_path / "out.parquet", format="poses-smooth")
+    assert caught.value.fix.endswith("--smooth")
 
 
 def test_sessions_without_poses_are_left_out_and_told(tmp_path: Path) -> None:
     session(tmp_path / "p" / "a", poses=poses("pose"))
     session(tmp_path / "p" / "b")
     report = export(tmp_path / "p", tmp_path / "out.parquet", format="poses")
-    assert (report.sessions, report.findings) == (1, ("b: no poses yet; left out",))
+    assert (report.sessions, report.findings) == (1, ("b: no table poses yet; left out",))
 
 
 def test_without_any_poses_there_is_no_file(tmp_path: Path) -> None:

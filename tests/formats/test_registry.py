@@ -83,3 +83,11 @@ class TestDirections:
         monkeypatch.setattr(registry, "find", lambda _: only_read)
         with pytest.raises(UsageError, match="the format r is only read, not written"):
             formats.export(tmp_path, tmp_path / "out", format="r")
+
+
+def test_a_package_that_cannot_be_loaded_does_not_take_the_others_with_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(registry, "entry_points", lambda group: [Point("broken", "no_such_module_at_all")])
+    assert registry.find("ecat-2018").reads
+    assert "cannot be loaded: ModuleNotFoundError" in registry.find("broken").description

@@ -32,6 +32,7 @@ from ecat.formats.ecat2018.files_param import read_files_param
 from ecat.formats.ecat2018.glyphs import code_of, read_glyph, write_glyph
 from ecat.formats.ecat2018.learning_export import read_learning_export, write_learning_export
 from ecat.formats.ecat2018.mark_tables import mark_batches
+from ecat.formats.ecat2018.number_text import format_float32, parse_floats
 from ecat.formats.ecat2018.options import (
     Exclusive,
     Options,
@@ -44,13 +45,7 @@ from ecat.formats.ecat2018.program_params import ProgramParams, read_program_par
 from ecat.formats.ecat2018.project_list import read_project_list, write_project_list
 from ecat.formats.ecat2018.rig import read_rig, write_rig
 from ecat.formats.ecat2018.voxml import read_voxml, write_voxml
-from ecat.formats.ecat2018.xml_input import (
-    format_float32,
-    iter_records,
-    iterparse_safe,
-    parse_floats,
-    parse_safe,
-)
+from ecat.formats.ecat2018.xml_input import iter_records, iterparse_safe, parse_safe
 
 T = TypeVar("T")
 
@@ -86,7 +81,7 @@ def numbers(data: bytes) -> None:
 def xml(data: bytes) -> None:
     parse_safe(data, what="cannot read it")
     drain(iterparse_safe(data, tags=("a",), what="cannot read it"))
-    drain(iter_records(data, tags=("a",), what="cannot read it"))
+    drain(iter_records(data, tags=("a",), whole=("b",), what="cannot read it"))
 
 
 def xml_stream(data: bytes) -> None:

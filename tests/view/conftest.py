@@ -23,7 +23,10 @@ _CAMERA = Camera(
 
 def _plane() -> pa.Table:
     """The table a metre before the camera, facing it."""
-    place = dict.fromkeys(("origin_x", "origin_y", "qy", "qz", "qw"), [0.0]) | {"origin_z": [1.0], "qx": [1.0]}
+    place = dict.fromkeys(("origin_x", "origin_y", "qy", "qz", "qw"), [0.0]) | {
+        "origin_z": [1.0],
+        "qx": [1.0],
+    }
     return table("table_plane", frame=[0], n_points=[9], n_inliers=[9], evidence=["polygon"], **place)
 
 

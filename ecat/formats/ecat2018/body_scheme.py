@@ -14,9 +14,9 @@ from pathlib import Path
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.lexical import attribute, text
+from ecat.formats.ecat2018.number_text import parse_int
 from ecat.formats.ecat2018.xml_input import (
     Element,
-    parse_int,
     parse_safe,
     place,
     reading,

@@ -23,7 +23,7 @@ from ecat.formats.ecat2018.lexical import (
 )
 from ecat.formats.ecat2018.marker_reader import FACE_ATTRIBUTES
 from ecat.formats.ecat2018.marks import KINECT_TO_CAMERA
-from ecat.formats.ecat2018.xml_input import parse_floats
+from ecat.formats.ecat2018.number_text import parse_floats
 from ecat.model import AnnotatedObject
 from ecat.tables import MARKERS_2D, MARKERS_3D
 

@@ -15,7 +15,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import accumulate, chain
+from itertools import accumulate, chain, pairwise
 
 import numpy as np
 
@@ -143,61 +143,64 @@ class FaceScanner:
         stop = buffer.find(b"</markers", start)
         end = buffer.rfind(_END, start, stop if stop >= 0 else len(buffer))
         whole = buffer[start : end + len(_END)] if end >= 0 else b""
-        n_bad = self._take_all(whole) if whole else None
-        if n_bad is not None:
-            # up to the first marker that is laid out in another way
-            whole = b"".join(text + _END for text in whole.split(_END)[:n_bad])
-            self._take_all(whole)
+        ends_here = stop >= 0
+        while (n_good := self._take_all(whole)) is not None:
+            # the first marker that is laid out in another way ends what can be taken
+            ends_here = True
+            whole = b"".join(text + _END for text in whole.split(_END)[:n_good])
         self._start = start + len(whole)
         rest = buffer[self._start : self._start + _LONGEST_MARKER]
-        if n_bad is not None or stop >= 0 or len(rest) == _LONGEST_MARKER or not _may_start_marker(rest):
+        if ends_here or len(rest) == _LONGEST_MARKER or not _may_start_marker(rest):
             self._dimensions = 0  # the list ends here, or goes on in another form
         elif not whole:
             return None
         return b"\n" * whole.count(b"\n")
 
     def _take_all(self, whole: bytes) -> int | None:
-        """Hand over complete markers; or only say which one is the first that is laid out in another way."""
+        """Hand over complete markers; or only say how many there are before one that is laid out in another way."""
         head, *faces = whole.split(b"<bounding>")
-        parts = [face.partition(b"<") for face in faces]
-        tails = [after.partition(_END) for _, _, after in parts]
-        codes = [self._last[code] if end else self._inner[code] for code, end, _ in tails]
-        is_last = [bool(end) for _, end, _ in tails]
-        heads = self._heads_of([head, *(after for _, end, after in tails if end)])
-        if None in codes or None in heads:
-            bad_face = is_last[: codes.index(None)].count(True) if None in codes else len(heads)
-            return min(bad_face, heads.index(None) if None in heads else len(heads))
-        if codes:
-            ends = np.flatnonzero(is_last)
-            frames, sizes = zip(*heads, strict=True)  # pyright: ignore[reportArgumentType]
+        inner, last = self._inner, self._last
+        corners: list[bytes] = []
+        codes: list[bytes] = []
+        starts, ends = [head], [0]
+        # loops, not comprehensions: tuples that live on would have the garbage collector look through everything
+        for face in faces:
+            points, _, after = face.partition(b"<")
+            code, end, start = after.partition(_END)
+            cells = last[code] if end else inner[code]
+            if cells is None:
+                return len(ends) - 1
+            corners.append(points)
+            codes.append(cells)
+            if end:
+                ends.append(len(corners))
+                starts.append(start)
+        rest = starts.pop()  # what follows the last end tag
+        frames, sizes = self._heads_of(starts)
+        if rest or len(frames) < len(starts):
+            return len(frames)
+        if frames:
             first_line, lines = self._line, _lines_of_faces(whole)
+            counts = [b - a for a, b in pairwise(ends)]
             self._take(
-                self._dimensions,
-                Run(
-                    lambda i: first_line + lines(i),
-                    frames,
-                    sizes,
-                    np.diff(ends, prepend=-1).tolist(),
-                    [corners for corners, _, _ in parts],
-                    codes,  # pyright: ignore[reportArgumentType]
-                ),
+                self._dimensions, Run(lambda i: first_line + lines(i), frames, sizes, counts, corners, codes)
             )
         return None
 
-    def _heads_of(self, texts: list[bytes]) -> list[tuple[int, int] | None]:
-        """Frame and size of the markers that start with ``texts``, of which the last is what follows the last marker;
-        ``None`` for one that is laid out in another way.
-        """
-        known, sizes = self._heads[self._dimensions], self._sizes
-        parts = [text.partition(b' frame="') for text in texts[:-1]]
-        ends = [(start, *rest.partition(b'"')) for start, _, rest in parts]
-        heads = [
-            (int(frame), int(size))
-            if known[start] is not None and (size := sizes[kind]) and frame.isdigit() and len(frame) <= 9
-            else None
-            for start, frame, _, kind in ends
-        ]
-        return [*heads, None] if texts[-1] else heads
+    def _heads_of(self, texts: list[bytes]) -> tuple[list[int], list[int]]:
+        """Frames and sizes of the markers that start with ``texts``, up to one that is laid out in another way."""
+        known, known_sizes = self._heads[self._dimensions], self._sizes
+        frames: list[int] = []
+        sizes: list[int] = []
+        for text in texts:
+            start, _, after = text.partition(b' frame="')
+            frame, _, kind = after.partition(b'"')
+            size = known_sizes[kind]
+            if size is None or known[start] is None or not frame.isdigit() or len(frame) > 9:
+                break
+            frames.append(int(frame))
+            sizes.append(int(size))
+        return frames, sizes
 
 
 def _may_hide_faces(before: bytes, piece: bytes) -> bool:

@@ -30,6 +30,7 @@ from ecat.model import AnnotatedObject, Clock, Event, KeyFrame, Layer, Relation
 DECLARATION = '<?xml version="1.0" encoding="utf-8"?>'
 SESSION_ATTRIBUTES = ("name", "length", "duration", "startWriteRGB")
 SECTIONS = ("files", "objects", "annotations", "predicates")
+_WHOLE = ("object", "annotation")
 _RECORDS = ("marker", "object", "annotation", "predicate", "file", *SECTIONS, "session")
 # element -> what may be in it
 _CHILDREN = {
@@ -88,7 +89,7 @@ def read_files_param(path: Path, *, what: str = "", skip_bad_markers: bool = Fal
     what = what or f"cannot import {path.parent.name}/{path.name}"
     reader = _Reader(what, skip_bad=skip_bad_markers)
     scanner = FaceScanner(reader.markers.take_faces)
-    for element in iter_records(path, tags=_RECORDS, what=what, cut=scanner.cut):
+    for element in iter_records(path, tags=_RECORDS, whole=_WHOLE, what=what, cut=scanner.cut):
         reader.take(element)
     if not reader.is_session:
         raise refused(

@@ -18,7 +18,8 @@ from ecat.formats.ecat2018.elements import (
 )
 from ecat.formats.ecat2018.lexical import format_numbers, missing_corners
 from ecat.formats.ecat2018.marks import KINECT_TO_CAMERA
-from ecat.formats.ecat2018.xml_input import Element, parse_floats
+from ecat.formats.ecat2018.number_text import parse_floats
+from ecat.formats.ecat2018.xml_input import Element
 from ecat.model import Foreign, KeyFrame
 
 _ATTRIBUTES = {2: ("type", "frame"), 3: ("frame",)}

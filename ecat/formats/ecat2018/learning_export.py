@@ -21,16 +21,8 @@ from numpy.typing import NDArray
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.lexical import attribute, text
-from ecat.formats.ecat2018.xml_input import (
-    Element,
-    format_float32,
-    iterparse_safe,
-    parse_floats,
-    parse_int,
-    place,
-    reading,
-    required_attribute,
-)
+from ecat.formats.ecat2018.number_text import format_float32, parse_floats, parse_int
+from ecat.formats.ecat2018.xml_input import Element, iterparse_safe, place, reading, required_attribute
 
 JOINTS = (
     "SpineShoulder",

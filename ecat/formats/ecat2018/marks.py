@@ -20,7 +20,7 @@ from pyarrow import csv
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.face_scanner import Run, join_runs
 from ecat.formats.ecat2018.lexical import USUAL_NUMBERS, format_code, missing_corners, parse_code
-from ecat.formats.ecat2018.xml_input import parse_floats
+from ecat.formats.ecat2018.number_text import parse_floats
 
 KINECT_TO_CAMERA = np.array([-1.0, -1.0, 1.0])
 """Kinect camera space (x to the sensor's left, y up) to ``camera/depth``; its own inverse."""

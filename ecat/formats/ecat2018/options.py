@@ -11,9 +11,9 @@ from typing import Literal, TypeAlias, TypeVar, get_args
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.lexical import text
+from ecat.formats.ecat2018.number_text import parse_int
 from ecat.formats.ecat2018.xml_input import (
     Element,
-    parse_int,
     parse_safe,
     place,
     reading,

@@ -22,15 +22,8 @@ from numpy.typing import NDArray
 from ecat.errors import FormatError, UsageError
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, BodyScheme
 from ecat.formats.ecat2018.lexical import attribute
-from ecat.formats.ecat2018.xml_input import (
-    Element,
-    format_float32,
-    iterparse_safe,
-    parse_floats,
-    parse_int,
-    place,
-    reading,
-)
+from ecat.formats.ecat2018.number_text import format_float32, parse_floats, parse_int
+from ecat.formats.ecat2018.xml_input import Element, iterparse_safe, place, reading
 
 BATCH_RECORDS = 256
 _DEPTH_PATH = "Skeleton_Depth_Joint_Locations/Pts"

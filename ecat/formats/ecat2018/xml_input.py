@@ -1,4 +1,4 @@
-"""The one safe way to read foreign XML, and the number format of ECAT 2018 (ECAT 2018 file format §1.2.1).
+"""The one safe way to read foreign XML.
 
 Files come from other programs and other people, so a document is taken in piece by piece and refused as soon
 as it is dangerous: a document type or entity declaration, an encoding other than UTF-8 (or its subset ASCII),
@@ -8,17 +8,15 @@ hold. A refusal is one `FormatError` or `LimitError` that names the line; nothin
 
 from __future__ import annotations
 
-import itertools
 import re
 import stat
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, Literal, TypeAlias
 
-import numpy as np
 from lxml import etree
-from numpy.typing import ArrayLike, NDArray
 
 from ecat.errors import EcatError, FormatError, LimitError, os_error
 
@@ -29,6 +27,10 @@ MAX_LIVE_ELEMENTS = 2_000_000
 """Elements held at one time: about 0.5 GB, since a tree needs up to thirty times the bytes of its file."""
 MAX_LIVE_BYTES = 256 << 20
 """Bytes read since the tree was last empty, and the default size of a document read whole."""
+
+MAX_SIBLINGS = 4096
+MAX_SIBLINGS_OF_WHOLE = 100_000
+MAX_RECORD_TAGS = 1_000_000
 
 _CHUNK_BYTES = 1 << 18
 _BOM = b"\xef\xbb\xbf"
@@ -99,10 +101,9 @@ def iterparse_safe(
 ) -> Iterator[Element]:
     """Stream a document: the root once its start tag is read, then every element of ``tags`` at its end.
 
-    A yielded element is complete, except that elements of ``tags`` inside it were yielded before it and are
-    emptied. It is emptied itself when the next one is asked for, so take what is needed at once. Everything
-    outside the elements of ``tags`` is dropped as it is read: memory holds one outermost wanted element, not
-    the document.
+    A yielded element is complete, but elements of ``tags`` inside it were yielded before it and are emptied. It
+    is emptied itself when the next one is asked for. Everything outside the elements of ``tags`` is dropped as
+    it is read: memory holds one outermost wanted element, not the document.
 
     Parameters
     ----------
@@ -161,6 +162,7 @@ def iter_records(
     source: Path | bytes,
     *,
     tags: Collection[str],
+    whole: Collection[str],
     what: str,
     max_record_bytes: int = 64 << 20,
     cut: Callable[[Iterable[bytes]], Iterator[bytes]] | None = None,
@@ -168,9 +170,10 @@ def iter_records(
     """Stream a document of many small records, fast: each element of ``tags`` at its end, children in place.
 
     Two to three times faster than `iterparse_safe`, because only the records become Python objects.  A record
-    and everything in it is emptied when the next one is asked for; between two records at most
-    ``max_record_bytes`` may pass.  ``cut`` may take pieces of the document out before the parser sees them
-    (what remains must be well-formed).  Errors as in `iterparse_safe`.
+    and everything in it is emptied when the next one is asked for.  What lies beside records is kept for a
+    look, up to some thousand elements; inside elements of ``whole`` it is kept until their end.  Between two
+    records at most ``max_record_bytes`` and a million tags may pass.  ``cut`` may take pieces of the document out before the
+    parser sees them (what remains must be well-formed).  Errors as in `iterparse_safe`.
     """
     feed = _Feed(source, what, None, max_record_bytes)
     feed.cut = cut
@@ -178,10 +181,27 @@ def iter_records(
         yield element
         element.clear(keep_tail=True)
         husk = element.getprevious()
-        if husk is not None:
+        if husk is not None and husk.tag in tags:
             # the parser may still write behind this element, never behind the one before it
             element.getparent().remove(husk)  # pyright: ignore[reportOptionalMemberAccess]
-        feed.record_start = feed.parsed_bytes
+        _prune(element, whole, what)
+        feed.record_bytes = feed.record_tags = 0
+
+
+def _prune(element: Element, whole: Collection[str], what: str) -> None:
+    """Drop what gathers beside an element and the elements around it."""
+    line = [element, *element.iterancestors()]
+    inside = max((i for i, node in enumerate(line) if i and node.tag in whole), default=0)
+    for i, (node, parent) in enumerate(pairwise(line)):
+        crowd = len(parent)
+        if i >= inside and crowd > MAX_SIBLINGS:
+            del parent[: parent.index(node)]
+        elif crowd > MAX_SIBLINGS_OF_WHOLE:
+            raise LimitError(
+                what,
+                where=f"line {parent.sourceline}: more than {MAX_SIBLINGS_OF_WHOLE:,} elements in <{parent.tag}>",
+                fix="check that this is the right file",
+            )
 
 
 def parse_safe(source: Path | bytes, *, what: str, max_bytes: int | None = None) -> Element:
@@ -233,8 +253,7 @@ class _Feed:
         self._max_bytes = max_bytes
         self._max_record_bytes = max_record_bytes
         self.fed_bytes = 0
-        self.parsed_bytes = 0
-        self.record_start = 0
+        self.record_bytes = self.record_tags = 0
         self.cut: Callable[[Iterable[bytes]], Iterator[bytes]] | None = None
 
     def events(self) -> Iterator[tuple[str, Element]]:
@@ -290,16 +309,15 @@ class _Feed:
     def _pieces(self) -> Iterator[bytes | None]:
         """What to feed the parser, and None at the end."""
         for piece in self._checked() if self.cut is None else self.cut(self._checked()):
-            self.parsed_bytes += len(piece)
-            if (
-                self._max_record_bytes is not None
-                and self.parsed_bytes - self.record_start > self._max_record_bytes
-            ):
-                raise LimitError(
-                    self._what,
-                    where=f"more than {self._max_record_bytes:,} bytes in one element",
-                    fix="check that this is the right file",
-                )
+            if self._max_record_bytes is not None:
+                self.record_bytes += len(piece)
+                self.record_tags += piece.count(b"<")
+                if self.record_bytes > self._max_record_bytes or self.record_tags > MAX_RECORD_TAGS:
+                    raise LimitError(
+                        self._what,
+                        where=f"{self.record_tags:,} tags and {self.record_bytes:,} bytes in one element",
+                        fix="check that this is the right file",
+                    )
             yield piece
         yield None
 
@@ -379,56 +397,3 @@ def _refused(found: bytes, line: int, what: str) -> FormatError:
         where=f"line {line}: a {kind} declaration, which is refused unread",
         fix="remove the declaration",
     )
-
-
-# ---------------------------------------------------------------------------------------------- numbers
-
-
-def parse_floats(
-    text: str, expected: int | None = None, *, what: str = "cannot read a list of numbers", where: str = ""
-) -> NDArray[np.float64]:
-    """Comma-separated numbers as ``float64[n]``; ``∞``, ``-∞``, ``Infinity`` and ``NaN`` are numbers too.
-
-    Empty text is no numbers. `FormatError` (with ``what`` and ``where``) when a token is not a number, or
-    when there are not ``expected`` of them.
-    """
-    plain = text.replace("∞", "inf")
-    tokens = plain.split(",") if plain.strip() else []
-    if expected is not None and len(tokens) != expected:
-        problem = f"expected {expected} numbers, found {len(tokens)}"
-    else:
-        try:
-            # float() would also take underscores and the digits of other scripts
-            if plain.isascii() and "_" not in plain:
-                return np.array(tokens, dtype=np.float64)
-        except ValueError:
-            pass
-        problem = f"{next(itertools.filterfalse(_is_number, tokens), text)[:40]!r} is not a number"
-    raise FormatError(what, where=f"{where}: {problem}" if where else problem)
-
-
-def _is_number(token: str) -> bool:
-    try:
-        float(token)
-    except ValueError:
-        return False
-    return token.isascii() and "_" not in token
-
-
-def format_float32(values: ArrayLike) -> str:
-    """Comma-separated numbers as ECAT 2018 writes them: seven digits of the 32-bit float, ``E-05``, ``∞``."""
-    with np.errstate(over="ignore"):
-        single = np.asarray(values, dtype=np.float32).ravel()
-    text = ",".join(["%.7g"] * single.size) % tuple(single.tolist())
-    return text.replace("e", "E").replace("inf", "∞").replace("nan", "NaN")
-
-
-_INTEGER = re.compile(r"[+-]?[0-9]{1,18}")
-
-
-def parse_int(text: str, *, what: str, where: str, low: int = -(2**31), high: int = 2**31 - 1) -> int:
-    """A plain decimal integer within ``low`` ... ``high``, outer blanks allowed; `FormatError` otherwise."""
-    value = int(text) if _INTEGER.fullmatch(text.strip()) else None
-    if value is None or not low <= value <= high:
-        raise FormatError(what, where=f"{where}: {text[:40]!r} is not an integer from {low} to {high}")
-    return value

@@ -146,6 +146,15 @@ def test_another_layout_goes_to_the_parser(old: str, new: str) -> None:
     assert len(list(left.iter("face"))) > 0 or "without faces" in new
 
 
+def test_of_two_odd_markers_the_first_counts() -> None:
+    """An odd code is seen before an odd head is: what stands between them is not lost."""
+    odd = (box_marker(i, face()).replace("LOCATION", "MOVED" if i == 2 else "LOCATION") for i in range(4))
+    data = document(objects=box("".join(odd) + box_marker(4, face().replace("<code>", "<code >")))).encode()
+    faces, rest = scanned(data)
+    assert [frame for _, frame, *_ in faces] == [0, 1]
+    assert sorted([*faces, *parsed(rest)]) == parsed(data)
+
+
 def test_a_document_without_faces_comes_through_as_it_is() -> None:
     data = document(objects=obj("      <markers>\n      </markers>\n")).encode()
     assert scanned(data, 10) == ([], data)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ecat.errors import EcatError, FormatError, InputError, LimitError
-from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
+from ecat.formats.ecat2018.files_param import read_files_param
 from ecat.model import AnnotatedObject, Clock, Property, Segment
 from tests.formats.ecat2018.documents import (
     BOM,
@@ -26,7 +26,6 @@ from tests.formats.ecat2018.documents import (
     obj,
     predicate,
     read,
-    save,
 )
 
 PLAIN_CODE = CODE.replace(" ,", "").strip()
@@ -383,8 +382,8 @@ BAD = {
         "found <bounding>",
     ),
     "a deep nest": (b"<session>" + b"<a>" * 1_000_000, LimitError, "deeper"),
-    "an object of 68 MB": (
-        b"<session><objects><object>" + b"<z>1234</z>" * 6_200_000,
+    "an object of 11 MB": (
+        b"<session><objects><object>" + b"<z>1234</z>" * 1_000_000,
         LimitError,
         "bytes in one element",
     ),
@@ -429,6 +428,9 @@ def test_a_million_markers_in_an_object_take_seconds(tmp_path: Path) -> None:
     assert time.monotonic() - started < 30
 
 
-def test_a_hundred_thousand_faces_in_one_marker(tmp_path: Path) -> None:
-    path = save(tmp_path, document(objects=box(box_marker(0, *[face()] * 100_000))))
-    assert isinstance(read_files_param(path), SessionFile)
+def test_ten_thousand_faces_in_one_marker_are_read() -> None:
+    assert len(read(document(objects=box(box_marker(0, *[face()] * 10_000)))).faces_2d[0]) == 10_000
+
+
+def test_a_hundred_thousand_faces_in_one_marker_are_refused_before_they_fill_the_memory() -> None:
+    assert isinstance(refusal(document(objects=box(box_marker(0, *[face()] * 100_000)))), LimitError)

@@ -21,7 +21,7 @@ from ecat.formats.ecat2018.lexical import (
     parse_code,
     text,
 )
-from ecat.formats.ecat2018.xml_input import parse_floats
+from ecat.formats.ecat2018.number_text import parse_floats
 
 USUAL = re.compile(lexical.USUAL_NUMBERS)
 

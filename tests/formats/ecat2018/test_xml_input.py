@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 
 from ecat.errors import FormatError, LimitError, NotFoundError
 from ecat.formats.ecat2018 import xml_input
-from ecat.formats.ecat2018.xml_input import format_float32, iterparse_safe, parse_floats, parse_safe
+from ecat.formats.ecat2018.number_text import format_float32, parse_floats
+from ecat.formats.ecat2018.xml_input import (
+    MAX_SIBLINGS,
+    MAX_SIBLINGS_OF_WHOLE,
+    iter_records,
+    iterparse_safe,
+    parse_safe,
+)
 
 WHAT = "cannot read it"
 
@@ -223,3 +230,32 @@ class TestNumbers:
         lists = re.findall(r"<bounding>([^<]*)</bounding>", text)
         assert len(lists) > 5000
         assert all(format_float32(parse_floats(numbers)) == numbers for numbers in lists)
+
+
+class TestRecords:
+    def test_what_gathers_around_records_is_dropped(self) -> None:
+        data = b"<r>" + b"<w><a/></w><j/>" * 100_000 + b"</r>"
+        most = 0
+        for record in iter_records(data, tags=("a",), whole=(), what="cannot read it"):
+            root = record.getroottree().getroot()
+            most = max(most, len(root))
+        # what one piece of the document brings, and the few that may gather
+        assert most < 40_000 + MAX_SIBLINGS
+
+    def test_what_must_stay_whole_stays_until_its_end(self) -> None:
+        data = b"<r><o>" + b"<j/>" * 5000 + b"<a/><k/></o></r>"
+        found = [
+            (e.tag, len(e)) for e in iter_records(data, tags=("a", "o"), whole=("o",), what="cannot read it")
+        ]
+        assert found == [("a", 0), ("o", 5002)]
+
+    def test_a_crowd_in_one_whole_element_is_refused(self) -> None:
+        data = b"<r><o>" + b"<j/>" * (MAX_SIBLINGS_OF_WHOLE + 1) + b"<a/></o></r>"
+        with pytest.raises(LimitError, match="cannot read it") as caught:
+            list(iter_records(data, tags=("a",), whole=("o",), what="cannot read it"))
+        assert "elements in <o>" in caught.value.where
+
+    def test_too_much_between_two_records_is_refused(self) -> None:
+        data = b"<r>" + b" " * 3000 + b"<a/></r>"
+        with pytest.raises(LimitError):
+            list(iter_records(data, tags=("a",), whole=(), what="cannot read it", max_record_bytes=2000))
