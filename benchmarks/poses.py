@@ -2,9 +2,10 @@
 
     python benchmarks/poses.py [--shared ../shared]
 
-Imports the three sessions, calibrates the boxes, places them frame by frame without smoothing, and prints the yardstick's
-figures (how still a standing block stands; the pipeline of 2017 over the same demonstrations is the baseline) three times:
-boxes calibrated on all three sessions together, on each session by itself, and on the other two sessions only.
+Imports the three sessions, calibrates the boxes, places them frame by frame without smoothing, and prints the
+yardstick's figures (how still a standing block stands; the pipeline of 2017 over the same demonstrations is the
+baseline) three times: boxes calibrated on all three sessions together, on each session by itself, and on the other
+two sessions only.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def yardstick(shared: Path, poses: Path) -> dict[str, Any]:
         str(data),
         "--json",
     ]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)  # noqa: S603
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
 def reprojection_px(project: Path) -> float:
@@ -65,8 +66,9 @@ def show(title: str, figures: dict[str, Any], residual: float, seconds: float) -
     """Print one line."""
     all_, still = figures["candidate"], figures["candidate_without_nudged"]
     print(
-        f"| {title} | {all_['median_rms_mm']} | {all_['mean_rms_mm']} | {all_['p90_rms_mm']} | {all_['beyond_30mm_pct']} | "
-        f"{all_['angle_p95_deg']} | {all_['coverage']} | {still['mean_rms_mm']} | {residual:.2f} | {seconds:.1f} |"
+        f"| {title} | {all_['median_rms_mm']} | {all_['mean_rms_mm']} | {all_['p90_rms_mm']} | "
+        f"{all_['beyond_30mm_pct']} | {all_['angle_p95_deg']} | {all_['coverage']} | {still['mean_rms_mm']} | {residual:.2f} | "
+        f"{seconds:.1f} |"
     )
 
 
@@ -89,7 +91,8 @@ def main() -> None:
         others = {path: calibrate([p for p in sessions if p != path]) for path in sessions}
         alone = {path: calibrate([path]) for path in sessions}
         print(
-            "| boxes calibrated on | median mm | mean | 90 % | > 30 mm % | angle deg | coverage | mean, not nudged | px | s |"
+            "| boxes calibrated on | median mm | mean | 90 % | > 30 mm % | angle deg | coverage "
+            "| mean, not nudged | px | s |"
         )
         print("|---|---|---|---|---|---|---|---|---|---|")
         seconds = placed(project, lambda _: together, out) + calibrated

@@ -93,6 +93,7 @@ class SchemaError(InputError):
         self.problems = problems
 
     def to_dict(self) -> dict[str, str]:
+        """As of any error, with every problem on a line of its own."""
         return {**super().to_dict(), "problems": "\n".join(self.problems)}
 
 

@@ -7,9 +7,8 @@ diff is the review.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pytest
@@ -46,7 +45,7 @@ def table_text(table: pa.Table, digits: int = 4) -> str:
     return "\n".join(lines) + "\n"
 
 
-def spread(column: pa.ChunkedArray, digits: int) -> str:
+def spread(column: pa.ChunkedArray[Any], digits: int) -> str:
     """The least, middle and greatest number of a column, or how many different values it has."""
     values = [value for value in column.to_pylist() if value is not None]
     if not values or isinstance(values[0], list | bool):
@@ -88,13 +87,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def rewritten(golden: Golden) -> Iterator[None]:
+def rewritten(golden: Golden) -> None:
     """`make golden` also writes the shipped samples anew."""
     if golden.update:
         from ecat.sample.shipped import main as write_anew
 
         write_anew()
-    yield
 
 
 @pytest.mark.parametrize("name", SESSIONS)

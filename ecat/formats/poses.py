@@ -90,7 +90,7 @@ def _rows(session: Session, table: str) -> pa.Table:
         "action": pa.array([session.path.resolve().parent.name] * n),
         "session": pa.array([session.name] * n),
         "frame": poses["frame"],
-        "object": pa.array([names.get(o, o) for o in poses["object_id"].to_pylist()]),
+        "object": pa.array([names.get(str(o), str(o)) for o in poses["object_id"].to_pylist()]),
         **{axis: poses[axis] for axis in ("x", "y", "z")},
         **{axis: pa.array(values, from_pandas=True) for axis, values in angles.items()},
         "observed": pa.array([source == "observed" for source in sources]),

@@ -94,17 +94,16 @@ def moved_to(
     found: BoxPoses,
     pose: Rigid,
     seen: Sightings,
-    prototype: BoxPrototype,
-    camera: Camera,
-    table: Rigid,
+    scene: Scene,
     *,
-    noise: Noise | None = None,
+    noise: Noise,
 ) -> BoxPoses:
     """The same frames at other poses: the residual says how well those agree with what is seen."""
-    noise = noise or Noise()
-    fit = refine(seen, scene_of(prototype, camera, table), pose, noise, freedom=RESTING, steps=0)
+    fit = refine(seen, scene, pose, noise, freedom=RESTING, steps=0)
+    moved = np.abs(pose.translation - found.pose.translation).max(-1, initial=0.0) > 0
+    # what agreed before still counts, so the residual grows by what the move costs
     residual = _judged(fit, found.free, noise, Doubt(face_px=np.inf)).residual_px
-    return replace(found, pose=pose, residual_px=residual)
+    return replace(found, pose=pose, residual_px=np.where(moved, residual, found.residual_px))
 
 
 def resting_fit(seen: Sightings, scene: Scene, noise: Noise) -> Fit:

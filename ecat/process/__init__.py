@@ -1,7 +1,7 @@
 """Running stages on a session: what is out of date, and nothing else.
 
-Every derived table records the stage, its version, its parameters and the hashes of what it was made from.  A stage whose
-record matches is skipped.
+Every derived table records the stage, its version, its parameters and the hashes of what it was made from.  A stage
+whose record matches is skipped.
 """
 
 from __future__ import annotations

@@ -228,7 +228,7 @@ def input_hashes(session: Session, stage: Stage) -> dict[str, str]:
             hashes[name] = _hash([clock.rule, clock.duration_ns, session.manifest.n_frames])
         elif name == SURFACE and record is not None:
             rows = session.table(name).to_arrow().to_pylist()
-            hashes[name] = _hash([row for row in rows if row["dimensions"] == 3])  # noqa: PLR2004
+            hashes[name] = _hash([row for row in rows if row["dimensions"] == 3])
         elif record is not None:
             hashes[name] = record.sha256
     return hashes

@@ -82,7 +82,7 @@ def recording_of(session: Session, surface: str = "") -> Recording | None:
 def table_surface(session: Session) -> str:
     """The object that is the table: its type or its name says so; empty if none does."""
     for row in session.objects.to_arrow().to_pylist():
-        if row["dimensions"] == 3 and "table" in (row["semantic_type"].lower(), row["name"].strip().lower()):  # noqa: PLR2004
+        if row["dimensions"] == 3 and "table" in (row["semantic_type"].lower(), row["name"].strip().lower()):
             return str(row["object_id"])
     return ""
 

@@ -1,7 +1,7 @@
 """``sample_sessions/``: what the project ships to try things on and to test with.  ``python -m ecat.sample.shipped``.
 
-``sessions/<name>/`` are sessions of ecat, ``truth/<name>/`` what really happened in them; ``ecat_project/`` is the first two
-as the annotator of 2015-2018 would have written them.
+``sessions/<name>/`` are sessions of ecat, ``truth/<name>/`` what really happened in them; ``ecat_project/`` is the
+first two as the annotator of 2015-2018 would have written them.
 """
 
 from __future__ import annotations

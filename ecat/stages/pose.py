@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import InputError
 from ecat.geometry.boxfit import Noise
-from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses, moved_to
+from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses, moved_to, scene_of
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.contact import parted
 from ecat.geometry.transforms import Floats, Rigid
@@ -107,34 +107,14 @@ def _solid(
         )
         for k, pose in zip(rows, after, strict=True):
             moved = np.abs(pose.translation - before[k].translation).max(-1, initial=0.0) > 0
-            apart[k] = _moved(boxes[k], apart[k], rows[k][moved], pose.translation[moved], parameters, table)
+            if moved.any():
+                prototype = parameters.prototypes[boxes[k].prototype]
+                scene = scene_of(prototype, parameters.camera, table)
+                places = apart[k].pose.translation.copy()
+                places[rows[k][moved]] = pose.translation[moved]
+                there = Rigid(apart[k].pose.rotation, places)
+                apart[k] = moved_to(apart[k], there, boxes[k].seen, scene, noise=parameters.noise)
     return apart
-
-
-def _moved(
-    box: BoxSightings,
-    found: BoxPoses,
-    rows: NDArray[np.intp],
-    translation: Floats,
-    parameters: PoseParameters,
-    table: Rigid,
-) -> BoxPoses:
-    if not rows.size:
-        return found
-    places = found.pose.translation.copy()
-    places[rows] = translation
-    moved = moved_to(
-        found,
-        Rigid(found.pose.rotation, places),
-        box.seen,
-        parameters.prototypes[box.prototype],
-        parameters.camera,
-        table,
-        noise=parameters.noise,
-    )
-    residual = found.residual_px.copy()
-    residual[rows] = moved.residual_px[rows]
-    return replace(moved, residual_px=residual)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.errors import EcatError, FormatError, InputError, LimitError, NotFoundError
+from ecat.errors import EcatError, InputError, LimitError, NotFoundError
 from ecat.model.prototype import NOMINAL_BOXES
 from ecat.process import calibrate, read_prototypes, write_prototypes
 from ecat.process.prototypes import MAX_BYTES
@@ -75,7 +76,5 @@ def test_any_json_gives_prototypes_or_one_error(
 ) -> None:
     path = tmp_path_factory.mktemp("any") / "boxes.json"
     path.write_text(json.dumps({"version": 1, "boxes": [value]}))
-    try:
-        read_prototypes(path)
-    except EcatError as error:
-        assert not isinstance(error, FormatError) or error.where
+    with contextlib.suppress(EcatError):
+        assert read_prototypes(path)

@@ -23,7 +23,7 @@ _CAMERA = Camera(
 
 def _plane() -> pa.Table:
     """The table a metre before the camera, facing it."""
-    place = dict.fromkeys(("origin_x", "origin_y", "qy", "qz", "qw"), [0.0]) | {
+    place = {name: [0.0] for name in ("origin_x", "origin_y", "qy", "qz", "qw")} | {
         "origin_z": [1.0],
         "qx": [1.0],
     }

@@ -172,8 +172,8 @@ def iter_records(
     Two to three times faster than `iterparse_safe`, because only the records become Python objects.  A record
     and everything in it is emptied when the next one is asked for.  What lies beside records is kept for a
     look, up to some thousand elements; inside elements of ``whole`` it is kept until their end.  Between two
-    records at most ``max_record_bytes`` and a million tags may pass.  ``cut`` may take pieces of the document out before the
-    parser sees them (what remains must be well-formed).  Errors as in `iterparse_safe`.
+    records at most ``max_record_bytes`` and a million tags may pass.  ``cut`` may take pieces of the document
+    out before the parser sees them (what remains must be well-formed).  Errors as in `iterparse_safe`.
     """
     feed = _Feed(source, what, None, max_record_bytes)
     feed.cut = cut

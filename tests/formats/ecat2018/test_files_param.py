@@ -382,8 +382,8 @@ BAD = {
         "found <bounding>",
     ),
     "a deep nest": (b"<session>" + b"<a>" * 1_000_000, LimitError, "deeper"),
-    "an object of 11 MB": (
-        b"<session><objects><object>" + b"<z>1234</z>" * 1_000_000,
+    "an object of 70 MB": (
+        b"<session><objects><object>" + (b"<z>" + b"1" * 1_000_000 + b"</z>") * 70,
         LimitError,
         "bytes in one element",
     ),
@@ -428,9 +428,5 @@ def test_a_million_markers_in_an_object_take_seconds(tmp_path: Path) -> None:
     assert time.monotonic() - started < 30
 
 
-def test_ten_thousand_faces_in_one_marker_are_read() -> None:
-    assert len(read(document(objects=box(box_marker(0, *[face()] * 10_000)))).faces_2d[0]) == 10_000
-
-
-def test_a_hundred_thousand_faces_in_one_marker_are_refused_before_they_fill_the_memory() -> None:
-    assert isinstance(refusal(document(objects=box(box_marker(0, *[face()] * 100_000)))), LimitError)
+def test_a_hundred_thousand_faces_in_one_marker_are_read() -> None:
+    assert len(read(document(objects=box(box_marker(0, *[face()] * 100_000)))).faces_2d[0]) == 100_000

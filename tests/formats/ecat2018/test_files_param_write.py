@@ -72,7 +72,8 @@ POLYGON_3D = markers(location(3, "1,2,3,4,5,6")) + markers(
 LISTS = (
     '      <refs>\n        <ref start="0" end="4" refTo="o2" />\n      </refs>\n'
     '      <events>\n        <event start="5" end="9" semanticType="pour" />\n      </events>\n'
-    '      <link>\n        <linkTo id="a2" type="SUBEVENT(X,Y)" />\n        <linkTo id="a3" type="CAUSE" />\n      </link>\n'
+    '      <link>\n        <linkTo id="a2" type="SUBEVENT(X,Y)" />\n'
+    '        <linkTo id="a3" type="CAUSE" />\n      </link>\n'
 )
 
 
@@ -516,7 +517,7 @@ FRAMES = st.integers(-1, 500)
 NUMBERS = st.floats(-1e4, 1e4, width=32).map(lambda x: float(f"{x:.7g}") + 0.0)
 
 
-KINDS: list[ObjectKind] = ["rectangle", "polygon"]
+KINDS: st.SearchStrategy[ObjectKind] = st.sampled_from(("rectangle", "polygon"))
 DEPTHS = st.integers(500, 4500).map(lambda z: z / 1000)  # nothing is at the sensor: 0, 0, 0 means missing
 RECTANGLES = st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
 POINTS_3D = st.tuples(NUMBERS, NUMBERS, DEPTHS, NUMBERS, NUMBERS, DEPTHS)
@@ -551,7 +552,7 @@ def layers(draw: st.DrawFn) -> Layer:
             key_frames_3d=draw(key_frames(POINTS_3D)),
         )
         for i in range(n_objects)
-        for kind in [draw(st.sampled_from(KINDS))]
+        for kind in [draw(KINDS)]
     )
     ids = st.sampled_from(["o0", "o1", "other/o7"])
     events = tuple(
