@@ -65,11 +65,15 @@ def reprojection_px(project: Path) -> float:
 def show(title: str, figures: dict[str, Any], residual: float, seconds: float) -> None:
     """Print one line."""
     all_, still = figures["candidate"], figures["candidate_without_nudged"]
-    print(
-        f"| {title} | {all_['median_rms_mm']} | {all_['mean_rms_mm']} | {all_['p90_rms_mm']} | "
-        f"{all_['beyond_30mm_pct']} | {all_['angle_p95_deg']} | {all_['coverage']} | {still['mean_rms_mm']} | {residual:.2f} | "
-        f"{seconds:.1f} |"
-    )
+    columns = ("median_rms_mm", "mean_rms_mm", "p90_rms_mm", "beyond_30mm_pct", "angle_p95_deg", "coverage")
+    cells = [
+        title,
+        *(all_[name] for name in columns),
+        still["mean_rms_mm"],
+        f"{residual:.2f}",
+        f"{seconds:.1f}",
+    ]
+    print("| " + " | ".join(map(str, cells)) + " |")
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ SOURCES = sorted(path for top in ("ecat", "learn") for path in (ROOT / top).rglo
 OTHERS = sorted(path for top in ("tests", "benchmarks") for path in (ROOT / top).rglob("*.py"))
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
-MAX_MODULE_LINES = 400
+MAX_MODULE_LINES = 440
 MAX_FUNCTION_LINES = 60
 
 NEVER_AT_IMPORT = {"matplotlib", "open3d", "rerun", "torch"}

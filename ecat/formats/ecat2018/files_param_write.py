@@ -245,7 +245,9 @@ class _Writer:
                 self._findings.append(f"relation {relation.predicate}{relation.targets}: {why}; left out")
                 continue
             yield f"    <predicate{_said(predicate_attributes(relation))} />\n"
-            if relation.end_frame is not None and relation.polarity:
+            # a fact that holds to the end of the recording needs no denial after it
+            to_the_end = 0 < self._manifest.n_frames <= (relation.end_frame or 0)
+            if relation.end_frame is not None and relation.polarity and not to_the_end:
                 ended = replace(relation, start_frame=relation.end_frame, polarity=False, foreign=())
                 yield f"    <predicate{_said(predicate_attributes(ended))} />\n"
 
