@@ -140,6 +140,9 @@ def movies(folder: Path) -> None:
 def main() -> None:
     """Print all figures."""
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT.parent / "shared" / "data"
+    if not (data / "ecat_kinect").is_dir():
+        print(f"skipped: the reference data is not at {data}")
+        return
     all_formats()
     files = sorted((data / "ecat_kinect").rglob("files.param"))
     megabytes = sum(file.stat().st_size for file in files) / 1e6

@@ -84,7 +84,8 @@ def main() -> None:
     parser.add_argument("--shared", type=Path, default=Path(__file__).resolve().parents[2] / "shared")
     shared: Path = parser.parse_args().shared
     if not (shared / "data" / "ecat_kinect").is_dir():
-        sys.exit(f"the reference data is not at {shared}: this benchmark needs it")
+        print(f"skipped: the reference data is not at {shared}")
+        return
     with tempfile.TemporaryDirectory() as name:
         project, out = Path(name) / "project", Path(name) / "poses.parquet"
         import_source(shared / "data" / "ecat_kinect", project)

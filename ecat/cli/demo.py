@@ -10,7 +10,7 @@ from ecat.cli.output import Output
 from ecat.cli.verb import verb
 
 
-@verb("demo", examples=("ecat demo", "ecat demo /tmp/demo"))
+@verb("demo", examples=("ecat demo", "ecat demo my_demo"))
 @click.argument(
     "dest",
     type=click.Path(path_type=Path),

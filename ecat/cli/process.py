@@ -62,6 +62,10 @@ def command(
     boxes = None if prototypes is None else process.read_prototypes(prototypes)
     results: list[dict[str, Any]] = []
     with out.progress() as progress:
+        # several sessions show a box better than one does; a single session calibrates its own
+        together = (
+            process.calibrate_together(sessions, progress) if boxes is None and len(sessions) > 1 else {}
+        )
         for i, path in enumerate(sessions):
             try:
                 report = process.process_session(
@@ -69,7 +73,7 @@ def command(
                     stages=stages or None,
                     force=force,
                     smooth=smooth,
-                    prototypes=boxes,
+                    prototypes=boxes if boxes is not None else together.get(path),
                     progress=_within(progress, path.name, i, len(sessions)),
                 )
             except EcatError as error:

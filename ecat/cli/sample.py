@@ -27,7 +27,10 @@ from ecat.cli.verb import verb
     help="What happens: next, past, around, toward, away; all of them by default.",
 )
 @click.option(
-    "--truth", type=click.Path(path_type=Path), metavar="FOLDER", help="Also write what really happened."
+    "--truth",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Where to write what really happened; DEST_truth by default.",
 )
 def command(out: Output, dest: Path, seed: int, actions: str | None, truth: Path | None) -> None:
     """Make a small session with exactly known truth.
@@ -41,12 +44,15 @@ def command(out: Output, dest: Path, seed: int, actions: str | None, truth: Path
     wanted = sample.ACTIONS if actions is None else [name.strip() for name in actions.split(",")]
     draft, ground_truth = sample.sample_session(seed=seed, actions=wanted, name=dest.resolve().name)
     session = store.create_session(dest, draft)
-    if truth is not None:
-        sample.write_truth(truth, ground_truth)
+    truth = truth if truth is not None else dest.resolve().with_name(f"{dest.resolve().name}_truth")
+    sample.write_truth(truth, ground_truth)
     data = {
         "path": str(dest),
         "name": session.name,
         "seed": seed,
-        "truth": None if truth is None else str(truth),
+        "truth": str(truth),
     }
-    out.result(data, f"made session {session.name} in {dest}\ntry: ecat info {dest}")
+    out.result(
+        data,
+        f"made session {session.name} in {dest}\nwhat really happened: {truth.name}\ntry: ecat info {dest}",
+    )

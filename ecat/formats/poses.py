@@ -53,7 +53,7 @@ def _write(path: Path, dest: Path, progress: Progress, table: str, name: str) ->
     findings: list[str] = []
     written = 0
     with (
-        staged_file(dest, replace=True) as staging,
+        staged_file(dest, replaces=b"PAR1") as staging,
         pq.ParquetWriter(staging, SCHEMA, compression="zstd") as out,
     ):
         for done, folder in enumerate(sessions):

@@ -7,11 +7,12 @@ whose record matches is skipped.
 from __future__ import annotations
 
 from ecat.process.graph import ProcessReport, process_session, stage_names, stale_tables
-from ecat.process.prototypes import calibrate, read_prototypes, write_prototypes
+from ecat.process.prototypes import calibrate, calibrate_together, read_prototypes, write_prototypes
 
 __all__ = [
     "ProcessReport",
     "calibrate",
+    "calibrate_together",
     "process_session",
     "read_prototypes",
     "stage_names",

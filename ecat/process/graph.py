@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from ecat.errors import InputError, UsageError
+from ecat.errors import EcatError, InputError, UsageError
 from ecat.model.prototype import BoxPrototype
 from ecat.process.prototypes import session_camera, table_surface
 from ecat.progress import Progress, silent
@@ -248,7 +248,16 @@ def _is_current(
         and record.stage_version == str(stage.version)
         and json.dumps(record.parameters, sort_keys=True) == json.dumps(parameters, sort_keys=True)
         and record.inputs == dict(hashes)
+        and _can_be_read(session, table)
     )
+
+
+def _can_be_read(session: Session, table: str) -> bool:
+    """Whether the table's file is there and whole enough to be opened."""
+    try:
+        return session.table(table).num_rows >= 0 and len(session.table(table).schema) > 0
+    except EcatError:
+        return False
 
 
 def _jsonable(parameters: Any) -> dict[str, object]:

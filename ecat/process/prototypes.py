@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ecat.errors import FormatError, InputError, LimitError, os_error
+from ecat.errors import EcatError, FormatError, InputError, LimitError, os_error
 from ecat.model.prototype import BoxPrototype
 from ecat.progress import Progress, silent
 from ecat.store import Session, open_session, staged_file, write_new_file
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 4 << 20
 _VERSION = 1
+_HEAD = b'{\n  "version"'
 
 
 def write_prototypes(path: Path, prototypes: Sequence[BoxPrototype]) -> None:
     """Save prototypes as JSON, replacing the file if it is there."""
     document = {"version": _VERSION, "boxes": [box.to_dict() for box in prototypes]}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    with staged_file(path, replace=True) as staging:
+    with staged_file(path, replaces=_HEAD) as staging:
         write_new_file(staging, [text.encode()])
 
 
@@ -85,6 +87,26 @@ def table_surface(session: Session) -> str:
         if row["dimensions"] == 3 and "table" in (row["semantic_type"].lower(), row["name"].strip().lower()):
             return str(row["object_id"])
     return ""
+
+
+def calibrate_together(
+    paths: Sequence[Path], progress: Progress = silent
+) -> dict[Path, tuple[BoxPrototype, ...]]:
+    """Boxes for the sessions that have marks but no boxes yet, those of one camera calibrated together.
+
+    The more sessions show a box, the better it is known.  Sessions whose boxes cannot be calibrated are left out.
+    """
+    by_camera: dict[str, list[Path]] = {}
+    for path in paths:
+        with contextlib.suppress(EcatError):
+            session = open_session(path)
+            if session.has_table("markers_2d") and not session.manifest.prototypes:
+                by_camera.setdefault(repr(session.manifest.camera("color")), []).append(path)
+    found: dict[Path, tuple[BoxPrototype, ...]] = {}
+    for group in by_camera.values():
+        with contextlib.suppress(InputError):
+            found |= dict.fromkeys(group, calibrate(group, progress))
+    return found
 
 
 def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPrototype, ...]:

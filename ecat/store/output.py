@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ecat.errors import ExistsError
 from ecat.store import files
+from ecat.store.manifest import SESSION_FILE
 
 
 def write_new_file(path: Path, pieces: Iterable[bytes]) -> None:
@@ -22,7 +23,7 @@ def write_new_file(path: Path, pieces: Iterable[bytes]) -> None:
 
 
 @contextmanager
-def staged_file(dest: Path, *, replace: bool = False) -> Generator[Path]:
+def staged_file(dest: Path, *, replaces: bytes = b"") -> Generator[Path]:
     """A path to write to, which becomes ``dest`` when the block ends, complete and durable; or nothing does.
 
     Raises
@@ -35,13 +36,13 @@ def staged_file(dest: Path, *, replace: bool = False) -> Generator[Path]:
     made: list[Path] = []
     try:
         with files.typed_errors(what, dest, f"nothing was written to {dest}"):
-            _must_be_free(dest, replace=replace)
+            _must_be_free(dest, replaces)
             for folder in reversed(missing):
                 files.make_folder(folder)
                 made.insert(0, folder)
             yield staging
             files.sync(staging)
-            _must_be_free(dest, replace=replace)
+            _must_be_free(dest, replaces)
             files.rename(staging, dest)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -54,11 +55,19 @@ def staged_file(dest: Path, *, replace: bool = False) -> Generator[Path]:
             files.sync(folder)
 
 
-def _must_be_free(dest: Path, *, replace: bool) -> None:
-    if dest.exists() and not replace:
+def _must_be_free(dest: Path, replaces: bytes) -> None:
+    if dest.exists() and not (replaces and _is_of_kind(dest, replaces)):
         raise ExistsError(
             f"cannot write {dest.name}",
             where=f"{dest}: there is something already",
             consequence="it was left as it is",
             fix="choose another name",
         )
+
+
+def _is_of_kind(dest: Path, head: bytes) -> bool:
+    """Whether ``dest`` is a file that begins like ours, and not a part of a session."""
+    if not dest.is_file() or any((folder / SESSION_FILE).exists() for folder in dest.resolve().parents):
+        return False
+    with dest.open("rb") as file:
+        return file.read(len(head)) == head

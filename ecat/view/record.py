@@ -115,7 +115,7 @@ def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> No
     StoreError : the folder is read-only or full.
     """
     stream = recording(session)
-    with staged_file(file, replace=True) as staging, staging.open("wb") as out, written_to(out, stream):
+    with staged_file(file, replaces=b"RRF") as staging, staging.open("wb") as out, written_to(out, stream):
         log_session(session, stream, progress=progress)
 
 

@@ -102,6 +102,6 @@ def test_without_any_poses_there_is_no_file(tmp_path: Path) -> None:
 
 def test_an_older_export_is_replaced(tmp_path: Path) -> None:
     source = session(tmp_path / "s", poses=poses("pose"))
-    (tmp_path / "out.parquet").write_text("old")
+    (tmp_path / "out.parquet").write_text("PAR1, and older")
     export(source, tmp_path / "out.parquet", format="poses")
     assert pq.read_table(tmp_path / "out.parquet").num_rows == 2

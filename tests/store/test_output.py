@@ -14,9 +14,9 @@ def left(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.rglob("*"))
 
 
-def fail(dest: Path, *, replace: bool = False) -> None:
+def fail(dest: Path, *, replaces: bytes = b"") -> None:
     """Write half a file."""
-    with staged_file(dest, replace=replace) as staging:
+    with staged_file(dest, replaces=replaces) as staging:
         staging.write_bytes(b"ab")
         raise KeyError
 
@@ -43,12 +43,24 @@ class TestStagedFile:
     def test_what_is_there_is_replaced_only_by_something_whole(self, tmp_path: Path) -> None:
         (tmp_path / "out.bin").write_bytes(b"old")
         with pytest.raises(KeyError):
-            fail(tmp_path / "out.bin", replace=True)
+            fail(tmp_path / "out.bin", replaces=b"ol")
         assert (tmp_path / "out.bin").read_bytes() == b"old"
-        with staged_file(tmp_path / "out.bin", replace=True) as staging:
+        with staged_file(tmp_path / "out.bin", replaces=b"ol") as staging:
             staging.write_bytes(b"new")
         assert (tmp_path / "out.bin").read_bytes() == b"new"
         assert left(tmp_path) == ["out.bin"]
+
+    def test_another_kind_of_file_and_a_part_of_a_session_are_never_replaced(self, tmp_path: Path) -> None:
+        (tmp_path / "out.bin").write_bytes(b"PNG")
+        inside = tmp_path / "session" / "tables" / "poses.parquet"
+        inside.parent.mkdir(parents=True)
+        inside.write_bytes(b"old")
+        (tmp_path / "session" / "session.json").write_bytes(b"old")
+        for dest in (tmp_path / "out.bin", inside, tmp_path / "session" / "session.json"):
+            before = dest.read_bytes()
+            with pytest.raises(ExistsError):
+                fail(dest, replaces=b"ol")
+            assert dest.read_bytes() == before
 
     def test_a_full_disk_is_one_typed_error(self, tmp_path: Path) -> None:
         with pytest.raises(DiskError) as caught, staged_file(tmp_path / "out.bin"):

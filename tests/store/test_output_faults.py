@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from ecat.errors import DiskError, ExistsError, FormatError
+from ecat.errors import DiskError, ExistsError
 from ecat.store import staged_file
 from tests.store.conftest import Steps
 
 
-def save(dest: Path, *, replace: bool = False, meanwhile: Callable[[], object] = lambda: None) -> None:
-    with staged_file(dest, replace=replace) as staging:
+def save(dest: Path, *, replaces: bytes = b"", meanwhile: Callable[[], object] = lambda: None) -> None:
+    with staged_file(dest, replaces=replaces) as staging:
         staging.write_text("new")
         meanwhile()
 
@@ -51,8 +51,8 @@ def test_what_appeared_meanwhile_is_not_replaced(tmp_path: Path) -> None:
 
 def test_a_folder_is_never_replaced_by_a_file(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
-    with pytest.raises(FormatError):
-        save(tmp_path / "folder", replace=True)
+    with pytest.raises(ExistsError):
+        save(tmp_path / "folder", replaces=b"n")
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
 

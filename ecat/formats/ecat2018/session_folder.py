@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -13,8 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ecat.errors import os_error
+from ecat.errors import FormatError, os_error
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write_body_scheme
+from ecat.formats.ecat2018.depth_file import DepthFile
 from ecat.formats.ecat2018.elements import PREFIX, small_number
 from ecat.formats.ecat2018.fidelity import HASH_KEY, Hashed, first_difference, is_compared
 from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
@@ -28,7 +29,7 @@ from ecat.model import Camera, Layer, Manifest, Provenance, Stream
 from ecat.store import Draft, Session, TableData, write_new_file
 from ecat.store.files import sha256_of
 from ecat.store.manifest import is_inside
-from ecat.tables import JOINTS
+from ecat.tables import FRAMES, JOINTS
 
 SESSION_FILE = "files.param"
 LEFTOVER = "~files.param"
@@ -65,6 +66,8 @@ def draft_of(folder: Path, options: ImportOptions, findings: list[str]) -> Draft
     tables = _mark_tables(said)
     if joints:
         tables["joints"] = joints
+    if times := _frame_times(folder, streams):
+        tables["frames"] = times
     manifest = replace(manifest, provenance=replace(manifest.provenance, notes=notes))
     return Draft(manifest=manifest, layers=(said.layer,), tables=tables, files=sources)
 
@@ -157,7 +160,43 @@ def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[
         )
         if path is not None:
             sources[name] = path
+            if kind == "depth":
+                streams[-1] = _depth_stream(streams[-1], path, said)
     return tuple(streams), sources
+
+
+def _depth_stream(stream: Stream, path: Path, said: SessionFile) -> Stream:
+    """The stream with its number of frames; what is wrong with the file becomes a finding."""
+    try:
+        with DepthFile(path) as depth:
+            said.findings += [f"{path.name}: {finding}" for finding in depth.findings]
+            return replace(stream, n_frames=len(depth), codec=f"uint16 mm, {depth.width} x {depth.height}")
+    except FormatError as error:
+        said.findings.append(f"{path.name}: {error.where}; copied as it is")
+        return stream
+
+
+def _frame_times(folder: Path, streams: Sequence[Stream]) -> TableData | None:
+    """The recorded times of the depth frames."""
+    parts: list[pa.Table] = []
+    for stream in streams:
+        path = _inside(folder, stream.name)
+        if stream.kind != "depth" or path is None or not stream.n_frames:
+            continue
+        with DepthFile(path) as depth:
+            if depth.times_ms is not None and len(depth.times_ms):
+                times = depth.times_ms.astype(np.int64) * 1_000_000
+                frames = np.arange(len(times), dtype=np.int32)
+                names = (
+                    pa.array([stream.name] * len(times))
+                    .dictionary_encode()
+                    .cast(FRAMES.arrow.field("stream").type)
+                )
+                parts.append(pa.table([pa.array(times), pa.array(frames), names], schema=FRAMES.arrow))
+    if not parts:
+        return None
+    rows = pa.concat_tables(parts)
+    return TableData(data=rows.take(np.argsort(np.asarray(rows["t_ns"]), kind="stable")))
 
 
 def _files_in(folder: Path, said: SessionFile) -> list[str]:
@@ -267,6 +306,8 @@ def _write_stream(session: Session, stream: Stream, folder: Path, found: list[st
     elif stream.present:
         target.parent.mkdir(parents=True, exist_ok=True)
         write_new_file(target, _pieces(session.stream_path(stream.name)))
+    elif session.manifest.provenance.format == "ecat-2018":
+        return  # it was not there when the session was imported either
     elif stream.kind == "skeleton" and session.has_table("joints"):
         write_new_file(target, write_rig(_rig_rows(session.table("joints").to_arrow())))
     elif name.lower() == "bodyscheme.xml":

@@ -96,9 +96,10 @@ def _tree(path: Path, root: Path, depth: int) -> Node | None:
         for child, node in nodes
         if node is not None or is_project
     ]
-    if not children:
+    has_list = any(child.suffix == ".project" and child.is_file() for child in path.iterdir())
+    if not children and not has_list:
         return None
-    return Node(path, "project" if is_project else "workspace", children)
+    return Node(path, "project" if is_project or not children else "workspace", children)
 
 
 # ---------------------------------------------------------------------------------------------- reading
@@ -242,11 +243,13 @@ def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
             target.mkdir(parents=True, exist_ok=True)
             write_session(open_session(folder), target, findings)
         progress(path.name, len(sessions), len(sessions))
-        for project in sorted(
-            {parent for folder in sessions for parent in folder.parents if parent.is_relative_to(path)}
-        ):
-            if (project / PROJECT_FILE).is_file():
-                _write_lists(project, staging / project.relative_to(path))
+        inside = set(sessions)
+        for manifest in sorted(path.rglob(PROJECT_FILE)):
+            # a session may hold a recorded file of that name
+            if inside.isdisjoint(manifest.parents):
+                target = staging / manifest.parent.relative_to(path)
+                target.mkdir(parents=True, exist_ok=True)
+                _write_lists(manifest.parent, target)
     return ExportReport(path=dest, format=NAME, sessions=len(sessions), findings=tuple(findings))
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ecat.errors import EcatError, ReadOnlyError
+from ecat.formats import export, import_source
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, write_body_scheme
+from ecat.formats.ecat2018.depth_file import write_depth_file
 from ecat.formats.ecat2018.session_folder import draft_of, write_session
 from ecat.formats.format import ImportOptions
 from ecat.model import Manifest, Provenance, Stream
@@ -232,3 +235,41 @@ def test_other_layers_are_left_out_and_told(tmp_path: Path) -> None:
     (tmp_path / "back").mkdir()
     write_session(session, tmp_path / "back", findings)
     assert findings == ["Session1: ECAT has one layer; 'gold' was left out"]
+
+
+class TestDepthFiles:
+    def session(self, folder: Path) -> Path:
+        frames = [(10 + 33 * i, np.full((4, 6), 700 + i, np.uint16)) for i in range(3)]
+        (folder / "Session1").mkdir()
+        write_depth_file(folder / "Session1" / "depth_1.dep", frames)
+        text = '<session name="Session1" length="3"><files><file>depth_1.dep</file></files></session>'
+        (folder / "Session1" / "files.param").write_text(text)
+        return folder / "Session1"
+
+    def test_recorded_times_become_a_table(self, tmp_path: Path) -> None:
+        import_source(self.session(tmp_path), tmp_path / "made")
+        made = open_session(tmp_path / "made")
+        assert [stream.n_frames for stream in made.manifest.streams] == [3]
+        frames = made.table("frames").to_arrow().to_pylist()
+        assert [(row["t_ns"], row["frame"]) for row in frames] == [
+            (10_000_000, 0),
+            (43_000_000, 1),
+            (76_000_000, 2),
+        ]
+
+    def test_a_crashed_recording_is_told(self, tmp_path: Path) -> None:
+        source = self.session(tmp_path)
+        data = (source / "depth_1.dep").read_bytes()
+        (source / "depth_1.dep").write_bytes(data[:-30])
+        report = import_source(source, tmp_path / "made")
+        assert any("depth_1.dep" in finding for finding in report.findings)
+        assert not open_session(tmp_path / "made").has_table("frames")
+
+
+def test_a_listed_file_that_was_not_there_is_not_invented(tmp_path: Path) -> None:
+    (tmp_path / "Session1").mkdir()
+    text = '<session name="Session1" length="3"><files><file>bodyScheme.xml</file></files></session>'
+    (tmp_path / "Session1" / "files.param").write_text(text)
+    import_source(tmp_path / "Session1", tmp_path / "made")
+    export(tmp_path / "made", tmp_path / "back", format="ecat-2018")
+    assert [path.name for path in (tmp_path / "back").iterdir()] == ["files.param"]

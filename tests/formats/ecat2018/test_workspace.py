@@ -219,3 +219,13 @@ class TestFailures:
         with pytest.raises(EcatError):
             export(tmp_path / "made", tmp_path / "back", format="ecat-2018")
         assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_project_without_sessions_keeps_its_list(tmp_path: Path) -> None:
+    (tmp_path / "ws" / "A" / "S1").mkdir(parents=True)
+    (tmp_path / "ws" / "A" / "S1" / "files.param").write_text('<session name="S1" length="3" />')
+    (tmp_path / "ws" / "B").mkdir()
+    (tmp_path / "ws" / "B" / "B.project").write_text("Session1\n")
+    import_source(tmp_path / "ws", tmp_path / "made")
+    export(tmp_path / "made", tmp_path / "back", format="ecat-2018")
+    assert (tmp_path / "back" / "B" / "B.project").read_text() == "Session1\n"
