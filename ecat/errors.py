@@ -31,9 +31,9 @@ class EcatError(Exception):
     Parameters
     ----------
     what : one line, what could not be done (``cannot import Session1/files.param``).
-    where : the place of the cause (``line 48213, <face> 2: expected 25 cells in <code>, found 24``), or empty.
-    consequence : what happened to the data (``nothing was written to out/``), or empty.
-    fix : what to do (``ecat import --skip-bad-markers ...``), or empty.
+    where : the place of the cause (``line 12: the root element is <a>, expected <annotation>``), or empty.
+    consequence : what became of the data (``the layer was not read``), or empty.
+    fix : what to do about it, a command where there is one, or empty.
     """
 
     exit_code: ClassVar[int] = 1

@@ -20,10 +20,10 @@ is one JSON document on stdout with the field `ok`.  An error says what could no
 what happened to the data and what to try:
 
 ```
-ecat: cannot import Session1
-  files.param, line 48213, <face> 2 of frame 1204: expected 25 cells in <code>, found 24
-  nothing was written to out/
-  try: ecat import --skip-bad-markers ...
+ecat: cannot create my_session
+  my_session: there is something already
+  it was left as it is
+  try: choose another destination, or remove it first
 ```
 
 | exit code | meaning |

@@ -248,7 +248,7 @@ class TestAlignment:
             frames_nearest(np.array([0]), np.array([], np.int64))
 
     def test_ecat_counts_from_one_and_truncates(self) -> None:
-        """Trap: the result is one-based like the track bar, whereas detections are zero-based."""
+        """Trap: ECAT showed skeletons a frame after the marks that belong to them."""
         start = np.datetime64("2017-10-04T22:35:30.583746")
         after_us = np.array([0, 33_354, 33_999, 34_000, 1_000_000, -500, -40_000], "m8[us]")
         found = frames_as_ecat(start + after_us, start, duration_ms=88_357, length=2649)
