@@ -6,6 +6,7 @@ writer has one canonical form also check that what was read is written and read 
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -46,6 +47,13 @@ from ecat.formats.ecat2018.project_list import read_project_list, write_project_
 from ecat.formats.ecat2018.rig import read_rig, write_rig
 from ecat.formats.ecat2018.voxml import read_voxml, write_voxml
 from ecat.formats.ecat2018.xml_input import iter_records, iterparse_safe, parse_safe
+from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Relation, Segment
+from ecat.model.annotation import Argument
+from ecat.model.prototype import NOMINAL_BOXES
+from ecat.model.scheme import ECAT_2018_SCHEME
+from ecat.process import read_prototypes
+from ecat.store.manifest import dump_manifest, parse_manifest
+from ecat.store.xml import layer_from_xml, layer_to_xml, scheme_from_xml, scheme_to_xml
 
 T = TypeVar("T")
 
@@ -176,6 +184,17 @@ _FILES_PARAM = (
 ).encode()
 _MAPPING = CoordinateMapping(np.ones((2, 3, 2), np.float32), np.full((2, 3, 2), 2, np.float32))
 
+_LAYER = Layer(
+    object_counter=2,
+    objects=(
+        AnnotatedObject(
+            id="o1", name="a & b", kind="rectangle", key_frames=(KeyFrame(frame=-1, coordinates=(1.5, 2)),)
+        ),
+    ),
+    events=(Event(id="a1", text=" slide\n", segments=(Segment(start_frame=0, end_frame=9),)),),
+    relations=(Relation(predicate="ON", start_frame=0, arguments=(Argument(target="o1"),)),),
+)
+
 TARGETS: dict[str, Target] = {
     "body_scheme": Target(
         stable(read_body_scheme, write_body_scheme),
@@ -187,8 +206,18 @@ TARGETS: dict[str, Target] = {
     "depth_file": Target(from_path(depth), (_depth_seed(), _depth_seed()[:-9])),
     "files_param": Target(from_path(files_param), (_FILES_PARAM,)),
     "glyphs": Target(stable(read_glyph, write_glyph), (write_glyph(code_of(5)),)),
+    "layer": Target(
+        stable(lambda data: layer_from_xml(data, name="layer"), layer_to_xml), (layer_to_xml(_LAYER),)
+    ),
     "learning_export": Target(
         lambda data: drain(write_learning_export(read_learning_export(data))), (_EXPORT,)
+    ),
+    "manifest": Target(
+        stable(
+            lambda data: parse_manifest(data, Path("session.json"), Manifest),
+            lambda manifest: dump_manifest(manifest, Path("session.json")),
+        ),
+        (dump_manifest(Manifest(name="s", created="2024-01-01"), Path("session.json")),),
     ),
     "numbers": Target(numbers, ("-∞,1.5,-3.652977E-05,NaN".encode(), b"859,654")),
     "options": Target(stable(read_options, write_options), (write_options(_OPTIONS),)),
@@ -196,8 +225,16 @@ TARGETS: dict[str, Target] = {
         stable(read_program_params, write_program_params), (write_program_params(ProgramParams("a", ("b",))),)
     ),
     "project_list": Target(stable(read_project_list, write_project_list), (b"Session1\r\nSession2\r\n",)),
+    "prototypes": Target(
+        from_path(read_prototypes),
+        (json.dumps({"version": 1, "boxes": [box.to_dict() for box in NOMINAL_BOXES]}).encode(),),
+    ),
     "rig": Target(
         lambda data: drain(write_rig(read_rig(data, _RIG_SCHEME).joints, _RIG_SCHEME)), (_RIG, _RIG[:-60])
+    ),
+    "scheme": Target(
+        stable(lambda data: scheme_from_xml(data, name="scheme"), scheme_to_xml),
+        (scheme_to_xml(ECAT_2018_SCHEME),),
     ),
     "voxml": Target(stable(read_voxml, write_voxml), (_VOXML,)),
     "xml": Target(xml, (b'<?xml version="1.0" encoding="utf-8"?><r b="1"><a>x<!--c--></a><a/>&lt;</r>',)),
