@@ -183,10 +183,18 @@ def mark_jumps(patient: Patient) -> Iterator[Finding]:
         yield warning("mark-jump", f"table markers_2d, box {name}", message)
 
 
+MOST_FRAMES = 4_000_000
+"""A day and a half of video: no recording is longer."""
+
+
 def repeated_frames(patient: Patient) -> Iterator[Finding]:
     """While things move, no stretch of frames equals the one before: some recorders write a buffer twice."""
     data = _moving_faces(patient)
     if data is None:
+        return
+    # what lies outside of any recording is a finding of its own, and no reason to reserve memory for it
+    data = data[(data["frame"] >= 0) & (data["frame"] < MOST_FRAMES)]
+    if data.empty:
         return
     n = int(data["frame"].max()) + 1
     rows = pd.util.hash_pandas_object(data[["object_id", "code", *_CORNERS_2D]], index=False).to_numpy()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from ecat.errors import EcatError, InputError, UsageError
+from ecat.errors import EcatError, InputError, LimitError, UsageError
 from ecat.model.prototype import BoxPrototype
 from ecat.process.prototypes import session_camera, table_surface
 from ecat.progress import Progress, silent
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 CLOCK = "clock"
 """Input that is made of the manifest: every frame and its time."""
+MAX_FRAMES = 1_000_000
+"""Nine hours of video; the poses of two boxes then take about half a gigabyte."""
 SURFACE = "keyframes"
 """Input that is part of the annotation: only the 3-D shapes count, so that other edits do not make a plane stale."""
 
@@ -211,9 +213,17 @@ def clock_table(session: Session) -> pa.Table:
     manifest = session.manifest
     n = manifest.n_frames
     for name in ("markers_2d", "markers_3d"):
-        if session.has_table(name):
+        # marks beyond the end of a recording of known length are mistakes; ecat check names them
+        if not manifest.n_frames and session.has_table(name):
             frames = session.table(name, columns=["frame"]).to_arrow()["frame"]
             n = max(n, int(np.asarray(frames).max(initial=-1)) + 1)
+    if n > MAX_FRAMES:
+        raise LimitError(
+            f"cannot process {session.name}",
+            where=f"{n:,} frames, at most {MAX_FRAMES:,} are placed at once",
+            consequence="nothing was changed",
+            fix="ecat check says whether the number can be right; split a longer recording",
+        )
     times = [manifest.clock.t_ns(frame, manifest.n_frames) for frame in range(n)]
     return pa.table({"frame": pa.array(range(n), pa.int32()), "t_ns": pa.array(times, pa.int64())})
 

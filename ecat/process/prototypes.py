@@ -41,6 +41,8 @@ def read_prototypes(path: Path) -> tuple[BoxPrototype, ...]:
     """
     what = f"cannot read the prototypes in {path}"
     try:
+        if path.exists() and not path.is_file():
+            raise FormatError(what, where="not a regular file", fix="name a file written by ecat calibrate")
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:

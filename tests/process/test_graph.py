@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ecat.errors import UsageError
+from ecat.errors import LimitError, UsageError
 from ecat.model import KeyFrame, Layer
 from ecat.process import process_session, stage_names, stale_tables
 from ecat.process.graph import clock_table
@@ -124,3 +124,28 @@ def test_the_clock_has_a_row_per_frame(session: Session) -> None:
     assert clock["frame"].to_pylist() == list(range(session.manifest.n_frames))
     assert clock["t_ns"][0].as_py() == 0
     assert clock["t_ns"][-1].as_py() == session.manifest.clock.duration_ns
+
+
+def test_marks_far_beyond_the_end_do_not_make_the_recording_longer(tmp_path: Path) -> None:
+    import pyarrow as pa
+
+    from ecat.store import TableData
+    from ecat.tables import MARKERS_2D
+
+    draft, _ = sample_session(seed=1, actions=("next",))
+    marks = draft.tables["markers_2d"].data
+    assert isinstance(marks, pa.Table)
+    frames = marks["frame"].to_pylist()
+    frames[-1] = 2**31 - 2
+    far = marks.set_column(1, MARKERS_2D.arrow.field("frame"), pa.array(frames, pa.int32()))
+    create_session(
+        tmp_path / "far", replace(draft, tables={**draft.tables, "markers_2d": TableData(data=far)})
+    )
+    assert clock_table(open_session(tmp_path / "far")).num_rows == draft.manifest.n_frames
+
+
+def test_more_frames_than_memory_holds_are_refused(tmp_path: Path) -> None:
+    draft, _ = sample_session(seed=1, actions=("next",))
+    create_session(tmp_path / "long", replace(draft, manifest=replace(draft.manifest, n_frames=20_000_000)))
+    with pytest.raises(LimitError, match="cannot process"):
+        clock_table(open_session(tmp_path / "long"))

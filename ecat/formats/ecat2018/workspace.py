@@ -74,12 +74,12 @@ def tree_of(path: Path) -> Node | None:
     Links to folders are followed only inside ``path``.
     """
     try:
-        return _tree(path, path.resolve(), MAX_DEPTH)
+        return _tree(path, {path.resolve()}, path.resolve(), MAX_DEPTH)
     except OSError as error:
         raise os_error(error, f"cannot import {path}", path, "nothing was written") from error
 
 
-def _tree(path: Path, root: Path, depth: int) -> Node | None:
+def _tree(path: Path, seen: set[Path], root: Path, depth: int) -> Node | None:
     if (path / SESSION_FILE).is_file():
         return Node(path, "session")
     if depth == 0:
@@ -87,9 +87,14 @@ def _tree(path: Path, root: Path, depth: int) -> Node | None:
     inner = [
         child
         for child in sorted(path.iterdir())
-        if child.is_dir() and not child.name.startswith(".") and child.resolve().is_relative_to(root)
+        if child.is_dir()
+        and not child.name.startswith(".")
+        and child.resolve().is_relative_to(root)
+        # a link may lead back: each folder counts once
+        and child.resolve() not in seen
     ]
-    nodes = [(child, _tree(child, root, depth - 1)) for child in inner]
+    seen |= {child.resolve() for child in inner}
+    nodes = [(child, _tree(child, seen, root, depth - 1)) for child in inner]
     is_project = any(node is not None and node.kind == "session" for _, node in nodes)
     children = [
         node if node is not None else Node(child, "session")
@@ -127,7 +132,8 @@ def _source(source: Path) -> Node:
         is_folder = folder.is_dir()
     except OSError as error:
         raise os_error(error, f"cannot import {source}", source, "nothing was written") from error
-    node = tree_of(folder) if is_folder else None
+    # `.` has no name of its own
+    node = tree_of(folder if folder.name else folder.resolve()) if is_folder else None
     if node is None:
         raise FormatError(
             f"cannot import {source}",

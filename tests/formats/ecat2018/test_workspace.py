@@ -229,3 +229,19 @@ def test_a_project_without_sessions_keeps_its_list(tmp_path: Path) -> None:
     import_source(tmp_path / "ws", tmp_path / "made")
     export(tmp_path / "made", tmp_path / "back", format="ecat-2018")
     assert (tmp_path / "back" / "B" / "B.project").read_text() == "Session1\n"
+
+
+def test_links_that_lead_back_do_not_multiply_sessions(tmp_path: Path) -> None:
+    (tmp_path / "project" / "s").mkdir(parents=True)
+    (tmp_path / "project" / "s" / "files.param").write_text('<session name="s" length="3" />')
+    for i in range(6):
+        (tmp_path / "project" / f"back{i}").symlink_to(".", target_is_directory=True)
+    assert import_source(tmp_path / "project", tmp_path / "made").sessions == 1
+
+
+def test_the_folder_one_stands_in_has_a_name_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "project" / "s").mkdir(parents=True)
+    (tmp_path / "project" / "s" / "files.param").write_text('<session name="s" length="3" />')
+    monkeypatch.chdir(tmp_path / "project" / "s")
+    import_source(Path(), tmp_path / "made")
+    assert open_session(tmp_path / "made").name == "s"
