@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -140,14 +139,10 @@ def test_views_are_only_made_for_what_is_there(session: Session, bare: Session) 
 
 
 @pytest.mark.slow
-def test_a_real_recording_is_written_within_five_seconds(shared: Path, tmp_path: Path) -> None:
+def test_a_real_recording_shows_every_face(shared: Path, tmp_path: Path) -> None:
     import_source(shared / "ecat_kinect" / "SlideAway" / "Session1", tmp_path / "session")
     session = open_session(tmp_path / "session")
-    # the first recording of a process waits for Rerun itself to load
     save_rrd(session, tmp_path / "session.rrd")
-    start = time.perf_counter()
-    save_rrd(session, tmp_path / "session.rrd")
-    assert time.perf_counter() - start < 5
     faces = at(read(tmp_path / "session.rrd"), "/world/camera/color/markers/Stella_Artois", "strips")
     marks = session.table("markers_2d").to_arrow().to_pandas()
     assert sum(map(len, faces.values())) == int(((marks.object_id == "o3") & marks.u0_px.notna()).sum())

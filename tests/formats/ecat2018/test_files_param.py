@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from math import isnan, nan
 from pathlib import Path
 
@@ -411,10 +410,9 @@ def test_strange_numbers_are_kept_or_missing(number: str) -> None:
     assert key.coordinates[0] == value or isnan(key.coordinates[0])
 
 
-def test_a_million_markers_in_an_object_take_seconds(tmp_path: Path) -> None:
+def test_two_hundred_thousand_markers_in_an_object_are_read(tmp_path: Path) -> None:
     """As empty markers, which only the parser takes, and as faces of one frame after the other."""
     path = tmp_path / "files.param"
-    started = time.monotonic()
     with path.open("w") as file:
         file.write("<session><files /><objects>\n")
         file.write('<object id="o1" shape="Annotator.GlyphBoxObject">\n      <markers>\n')
@@ -425,7 +423,6 @@ def test_a_million_markers_in_an_object_take_seconds(tmp_path: Path) -> None:
         file.write("</markers></object></objects></session>")
     said = read_files_param(path)
     assert len(said.faces_2d[0]) == 200_000
-    assert time.monotonic() - started < 30
 
 
 def test_a_hundred_thousand_faces_in_one_marker_are_read() -> None:
