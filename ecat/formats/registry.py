@@ -30,11 +30,11 @@ def all_formats() -> tuple[Format, ...]:
 
 def _load(name: str, value: str) -> Format:
     module, _, attribute = value.partition(":")
-    if name in _OWN:
-        return getattr(import_module(module), attribute or "FORMAT")
     try:
         return getattr(import_module(module), attribute or "FORMAT")
-    except Exception as error:  # noqa: BLE001  # another package's fault must not take ecat's formats with it
+    except Exception as error:  # another package's fault must not take ecat's formats with it
+        if name in _OWN:
+            raise
         return Format(name=name, description=f"cannot be loaded: {type(error).__name__}: {error}")
 
 

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
-from ecat.geometry.transforms import Floats, Rigid, quaternion_from_matrix
+from ecat.geometry.records import camera_record
+from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype, FaceName, MarkerFace, Quaternion, Triple, nominal_face
 from ecat.model.session import Camera as ManifestCamera
 
@@ -70,24 +71,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
 
 def manifest_camera(camera: Camera, reference: str) -> ManifestCamera:
     """The manifest's entry of a camera; ``reference`` names the camera whose frame points are given in."""
-    back = camera.from_reference.inverse()
-    qx, qy, qz, qw = (float(value) for value in quaternion_from_matrix(back.rotation))
-    tx, ty, tz = (float(value) for value in back.translation)
-    return ManifestCamera(
-        name=camera.name,
-        width_px=camera.width,
-        height_px=camera.height,
-        fx_px=camera.fx,
-        fy_px=camera.fy,
-        cx_px=camera.cx,
-        cy_px=camera.cy,
-        mirrored=camera.mirrored,
-        distortion=camera.distortion if any(camera.distortion) else (),
-        reference=reference,
-        rotation=(qx, qy, qz, qw),
-        translation_m=(tx, ty, tz),
-        source="generated",
-    )
+    return replace(camera_record(camera, "generated"), reference=reference)
 
 
 def _stuck_face(
