@@ -1,0 +1,19 @@
+"""Media files of a session: read image by image, and written.
+
+Nothing here holds more than a few images at a time, and PyAV (FFmpeg) is imported when the first file is opened.
+"""
+
+from __future__ import annotations
+
+from ecat.store.media.images import StreamImages, annotated_stream, nearest, open_images
+from ecat.store.media.writers import ColorWriter, DepthWriter, remux
+
+__all__ = [
+    "ColorWriter",
+    "DepthWriter",
+    "StreamImages",
+    "annotated_stream",
+    "nearest",
+    "open_images",
+    "remux",
+]

@@ -1,0 +1,174 @@
+"""What is written is what is read: depth to the bit, times to the microsecond, colour to the eye."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from ecat.errors import FormatError, UsageError
+from ecat.store.media import ColorWriter, DepthWriter, remux
+from ecat.store.media.container import Packets, decoded, scan
+from ecat.store.media.writers import decoding_times
+from tests.store.media.clips import PERIOD_NS, color_clip, color_image, depth_clip, depth_image, number_of
+
+SHAPES = array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=9)
+DEPTHS = arrays(
+    np.uint16, SHAPES, elements=st.sampled_from([0, 1, 255, 256, 1500, 32767, 32768, 65534, 65535])
+)
+
+
+def round_trip(images: np.ndarray) -> list[np.ndarray]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "depth.mkv"
+        with DepthWriter(path, images.shape[2], images.shape[1]) as writer:
+            for i, image in enumerate(images):
+                writer.write(image, i * PERIOD_NS)
+        return [frame.to_ndarray() for frame in decoded(path, "read")]
+
+
+@settings(max_examples=60)
+@given(DEPTHS | arrays(np.uint16, SHAPES, elements=st.integers(0, 65535), fill=st.nothing()))
+def test_depth_is_lossless(images: np.ndarray) -> None:
+    np.testing.assert_array_equal(round_trip(images), images)
+
+
+@settings(max_examples=25)
+@given(st.lists(st.integers(1_000, 10**12), min_size=1, max_size=20))
+@pytest.mark.parametrize("kind", ["depth.mkv", "color.mkv", "color.mp4"])
+def test_times_are_kept_to_the_microsecond(kind: str, steps: list[int]) -> None:
+    times = np.cumsum([0, *steps])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / kind
+        if kind.startswith("depth"):
+            with DepthWriter(path, 4, 4) as depth:
+                for i, t in enumerate(times):
+                    depth.write(np.full((4, 4), i, np.uint16), int(t) + i * 1000)
+        else:
+            with ColorWriter(path, 64, 48) as color:
+                for i, t in enumerate(times):
+                    color.write(color_image(i), int(t) + i * 1000)
+        found = scan(path, "read")
+    assert found.stopped == ""
+    assert np.abs(found.packets[0].t_ns - (times + 1000 * np.arange(len(times)))).max() <= 500
+
+
+def test_every_depth_image_stands_for_itself(tmp_path: Path) -> None:
+    found = scan(depth_clip(tmp_path / "depth.mkv"), "read").packets[0]
+    assert found.is_key.all()
+
+
+def test_color_has_a_key_frame_every_15_images_and_no_others_out_of_order(tmp_path: Path) -> None:
+    found = scan(color_clip(tmp_path / "color.mp4", 60), "read").packets[0]
+    assert np.diff(np.flatnonzero(found.is_key)).max() <= 15
+    assert (np.diff(found.pts) > 0).all()
+
+
+@pytest.mark.parametrize("size", [(64, 48), (65, 49), (2, 2)])
+def test_color_keeps_its_colors_and_odd_sizes_lose_one_line(tmp_path: Path, size: tuple[int, int]) -> None:
+    width, height = size
+    image = np.zeros((height, width, 3), np.uint8)
+    image[:] = (180, 90, 40)
+    with ColorWriter(tmp_path / "color.mp4", width, height) as writer:
+        writer.write(image, 0)
+    (frame,) = decoded(tmp_path / "color.mp4", "read")
+    assert (frame.width, frame.height) == (width - width % 2, height - height % 2)
+    found = frame.to_ndarray(format="bgr24").astype(int)
+    assert np.abs(found - (180, 90, 40)).max() < 6
+
+
+@pytest.mark.parametrize(
+    "image",
+    [np.zeros((24, 33), np.uint16), np.zeros((24, 34), np.int32), np.zeros((24, 34, 1), np.uint16)],
+)
+def test_another_size_or_type_is_refused_and_what_was_written_stays(
+    tmp_path: Path, image: np.ndarray
+) -> None:
+    with DepthWriter(tmp_path / "depth.mkv", 34, 24) as writer:
+        writer.write(depth_image(0), 0)
+        with pytest.raises(UsageError, match="cannot write depth"):
+            writer.write(image, PERIOD_NS)
+    (frame,) = decoded(tmp_path / "depth.mkv", "read")
+    np.testing.assert_array_equal(frame.to_ndarray(), depth_image(0))
+
+
+@pytest.mark.parametrize("times", [[5, 5], [PERIOD_NS, 0], [-1_000_000]])
+def test_times_ascend_from_zero(tmp_path: Path, times: list[int]) -> None:
+    with DepthWriter(tmp_path / "depth.mkv", 34, 24) as writer:
+        for t_ns in times[:-1]:
+            writer.write(depth_image(0), t_ns)
+        with pytest.raises(UsageError, match="cannot write"):
+            writer.write(depth_image(0), times[-1])
+
+
+def test_a_killed_writer_leaves_a_file_that_can_be_read_with_the_right_times(tmp_path: Path) -> None:
+    code = """
+import os, sys
+from pathlib import Path
+from ecat.store.media import DepthWriter
+from tests.store.media.clips import PERIOD_NS, depth_image
+writer = DepthWriter(Path(sys.argv[1]), 640, 480)
+for i in range(30):
+    writer.write(depth_image(i, 480, 640), i * PERIOD_NS)
+os._exit(1)
+"""
+    path = tmp_path / "depth.mkv"
+    subprocess.run([sys.executable, "-c", code, str(path)], check=False, cwd=Path(__file__).parents[3])
+    images = [frame.to_ndarray() for frame in decoded(path, "read")]
+    assert len(images) >= 25
+    for i, image in enumerate(images):
+        np.testing.assert_array_equal(image, depth_image(i, 480, 640))
+    assert abs(int(scan(path, "read").packets[0].t_ns[20]) - 20 * PERIOD_NS) <= 500
+
+
+# --- remux
+
+
+def test_packets_pass_on_undecoded_with_their_times(tmp_path: Path) -> None:
+    source = color_clip(tmp_path / "color.mkv")
+    assert remux(source, tmp_path / "copy.mp4") == 40
+    before, after = scan(source, "read").packets[0], scan(tmp_path / "copy.mp4", "read").packets[0]
+    assert np.abs(before.t_ns - after.t_ns).max() <= 100_000
+    assert [number_of(f.to_ndarray(format="bgr24")) for f in decoded(tmp_path / "copy.mp4", "read")] == list(
+        range(40)
+    )
+
+
+def test_a_truncated_source_is_passed_on_as_far_as_it_goes(tmp_path: Path) -> None:
+    source = color_clip(tmp_path / "color.mkv")
+    data = source.read_bytes()
+    source.write_bytes(data[: len(data) * 2 // 3])
+    copied = remux(source, tmp_path / "copy.mp4")
+    assert 10 < copied < 40
+    assert len(list(decoded(tmp_path / "copy.mp4", "read"))) == copied
+
+
+def test_what_a_container_cannot_hold_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="cannot copy depth"):
+        remux(depth_clip(tmp_path / "depth.mkv"), tmp_path / "depth.webm")
+
+
+@given(st.lists(st.integers(-100, 100), min_size=1, unique=True))
+def test_decoding_never_comes_after_showing_and_ascends(pts: list[int]) -> None:
+    n = len(pts)
+    times = decoding_times(Packets(np.array(pts), np.ones(n, bool), np.ones(n, bool), Fraction(1)))
+    decoding = [times[t] for t in pts]
+    assert decoding == sorted(decoding)
+    assert all(a <= b for a, b in zip(decoding, pts, strict=True))
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="there is no ffmpeg program here")
+def test_ffmpeg_reads_the_depth(tmp_path: Path) -> None:
+    path = depth_clip(tmp_path / "depth.mkv", 3)
+    command = ["ffmpeg", "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "gray16le", "-"]
+    done = subprocess.run(command, capture_output=True, check=True)
+    assert done.stdout == b"".join(depth_image(i).astype("<u2").tobytes() for i in range(3))
