@@ -14,6 +14,8 @@ from ecat.sample.motion import Path, State, any_yaw, box_gap, box_quaternion, is
 from ecat.sample.scene import HALF_M, WORKSPACE_M, Scene
 
 ACTIONS = ("next", "past", "around", "toward", "away")
+MAX_ACTIONS = 100
+"""Some twenty thousand frames, about ten minutes; all of them are held in memory at once."""
 _STYLES = ("flat", "lift", "tilt", "split", "flat")
 _SAMPLES: Floats = np.linspace(0.0, 1.0, 81)
 _TRIES = 400
@@ -62,15 +64,14 @@ def write_script(
 
     Raises
     ------
-    UsageError : an action that is not in ``ACTIONS``, or none at all.
+    UsageError : an action that is not in ``ACTIONS``, none at all, or more than ``MAX_ACTIONS``.
     """
-    unknown = sorted(set(actions) - set(ACTIONS))
-    if unknown or not actions:
-        raise UsageError(
-            "cannot write a sample session",
-            where=f"unknown actions: {', '.join(unknown)}" if unknown else "no actions given",
-            fix=f"choose from {', '.join(ACTIONS)}",
-        )
+    what = "cannot make a sample session"
+    if unknown := sorted(set(actions) - set(ACTIONS)):
+        where = f"unknown actions: {', '.join(map(repr, unknown))}"
+        raise UsageError(what, where=where, fix=f"choose from {', '.join(ACTIONS)}")
+    if not 0 < len(actions) <= MAX_ACTIONS:
+        raise UsageError(what, where=f"{len(actions):,} actions", fix=f"give from 1 to {MAX_ACTIONS} actions")
     start, moves = _plan(rng, scene, actions)
     frame = int(rng.integers(20, 31))
     timed: list[Move] = []

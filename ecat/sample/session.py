@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from ecat.errors import UsageError
-from ecat.geometry.cameras import KINECT_V2_DEPTH
+from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH, Camera
 from ecat.model import Clock, Manifest, Provenance, Stream
 from ecat.sample.annotation import RIG_ID, annotate
 from ecat.sample.scene import manifest_camera, random_scene
@@ -29,6 +30,7 @@ def sample_session(
     actions: Sequence[str] = ACTIONS,
     name: str | None = None,
     noise: NoiseModel = NoiseModel(),  # noqa: B008  (frozen)
+    color: Camera = KINECT_V2_COLOR,
 ) -> tuple[Draft, GroundTruth]:
     """A session that never was, and what really happened in it.
 
@@ -39,22 +41,21 @@ def sample_session(
     Parameters
     ----------
     seed : not negative.
-    actions : names from ``ACTIONS``; any number, any order.
+    actions : names from ``ACTIONS``, in any order, at most ``MAX_ACTIONS``.
     name : of the session; ``sample_<seed>`` if not given.
     noise : of the sensors.
+    color : the colour camera, seen from ``camera/depth``.
 
     Raises
     ------
-    UsageError : no actions, an unknown one, or a negative seed.
+    UsageError : no actions, too many, an unknown one, or a negative seed.
     """
     if seed < 0:
-        raise UsageError(
-            "cannot write a sample session", where=f"seed {seed}", fix="give a seed of 0 or more"
-        )
+        raise UsageError("cannot make a sample session", where=f"seed {seed}", fix="give a seed of 0 or more")
     script, world, sensor, person = (
         np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, k]))) for k in range(4)
     )
-    scene = random_scene(world)
+    scene = replace(random_scene(world), color=color)
     start, moves, n_frames = write_script(script, scene, actions)
     # the recorder's clock runs at 29.9 to 30 frames per second and counts milliseconds
     duration_ms = round((n_frames - 1) * 1000 / world.uniform(29.9, 30.0))

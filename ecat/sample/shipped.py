@@ -1,7 +1,7 @@
 """``sample_sessions/``: what the project ships to try things on and to test with.  ``python -m ecat.sample.shipped``.
 
-``sessions/<name>/`` are sessions of ecat, ``truth/<name>/`` what really happened in them; ``ecat_project/`` is the
-first two as the annotator of 2015-2018 would have written them.
+``sessions/<name>/`` are sessions of ecat, ``recorded/<name>/`` is one with images, ``truth/<name>/`` what really
+happened in them; ``ecat_project/`` is the first two as the annotator of 2015-2018 would have written them.
 """
 
 from __future__ import annotations
@@ -11,18 +11,22 @@ import sys
 from pathlib import Path
 
 from ecat import formats
+from ecat.checkout import checkout_folder
+from ecat.errors import EcatError
 from ecat.model import ProjectManifest
+from ecat.sample.recording import sample_recording
 from ecat.sample.session import sample_session
 from ecat.sample.truth_tables import write_truth
 from ecat.store import create_project, create_session
 
-FOLDER = Path(__file__).resolve().parents[2] / "sample_sessions"
 SESSIONS = {
     "slide_next": (1, ("next",)),
     "slide_around": (2, ("around",)),
     "slide_past_toward_away": (3, ("past", "toward", "away")),
 }
 """Name of a shipped session -> its seed and what happens in it."""
+WITH_PIXELS = "slide_toward_pixels"
+"""The shipped session with images: few and small ones, so that a checkout stays light."""
 AS_ECAT_PROJECT = ("slide_next", "slide_around")
 CREATED = "2024-03-05T10:00:00"
 
@@ -43,13 +47,38 @@ def write_shipped(dest: Path) -> None:
     shutil.rmtree(old)
 
 
+def write_recording(dest: Path) -> None:
+    """Make the sample session with images in ``dest``, a folder that must not hold it yet."""
+    recording = sample_recording(
+        seed=5,
+        actions=("toward",),
+        name=WITH_PIXELS,
+        size=(960, 540),
+        depth_size=(256, 212),
+        depth_every=2,
+        crf=20,
+    )
+    create_session(dest / "recorded" / WITH_PIXELS, recording.draft)
+    write_truth(dest / "truth" / WITH_PIXELS, recording.truth, recording.image_truth())
+
+
 def main() -> None:
-    """Write ``sample_sessions/`` anew."""
-    for name in ("sessions", "truth", "ecat_project"):
-        shutil.rmtree(FOLDER / name, ignore_errors=True)
-    write_shipped(FOLDER)
-    sys.stdout.write(f"{FOLDER.name}: {', '.join(SESSIONS)}\n")
+    """Write ``sample_sessions/`` anew.
+
+    Raises
+    ------
+    UsageError : there is no checkout to write into.
+    """
+    folder = checkout_folder("sample_sessions")
+    for name in ("sessions", "recorded", "truth", "ecat_project"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    write_shipped(folder)
+    write_recording(folder)
+    sys.stdout.write(f"{folder.name}: {', '.join([*SESSIONS, WITH_PIXELS])}\n")
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except EcatError as failed:
+        sys.exit(f"ecat: {failed}")

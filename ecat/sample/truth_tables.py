@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ecat.errors import os_error
 from ecat.sample.body import HANDS, JOINTS
 from ecat.sample.truth import HIDERS, GroundTruth, runs
+from ecat.store import write_new_file
 
 _PHASES = ("reach", "grasp", "hold", "move", "still", "release", "retreat", "end")
 
@@ -34,18 +36,20 @@ def ground_truth_tables(truth: GroundTruth) -> dict[str, pa.Table]:
     }
 
 
-def write_truth(dest: Path, truth: GroundTruth) -> None:
-    """Write ``<dest>/<table>.parquet`` for every table of the truth; ``dest`` is made if need be.
+def write_truth(dest: Path, truth: GroundTruth, more: Mapping[str, pa.Table] | None = None) -> None:
+    """Write ``<dest>/<table>.parquet`` for every table of the truth, and ``more``; ``dest`` is made if need be.
 
     Keep it beside the session, not inside: whoever is given the session alone must not find the answers.
     """
-    tables = ground_truth_tables(truth)
+    tables = ground_truth_tables(truth) | dict(more or {})
     try:
         dest.mkdir(parents=True, exist_ok=True)
         for name, table in tables.items():
-            pq.write_table(table, dest / f"{name}.parquet", compression="zstd")
+            buffer = pa.BufferOutputStream()
+            pq.write_table(table, buffer, compression="zstd")
+            write_new_file(dest / f"{name}.parquet", [buffer.getvalue().to_pybytes()])
     except OSError as error:
-        raise os_error(error, "cannot write the ground truth", dest) from error
+        raise os_error(error, "cannot write the ground truth", dest, "it is not complete") from error
 
 
 def _frames(truth: GroundTruth, copies: int) -> dict[str, Any]:

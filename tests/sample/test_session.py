@@ -52,7 +52,9 @@ def test_other_seeds_give_other_sessions() -> None:
     assert len({truth.scene.depth_from_table.translation.tobytes() for _, truth in drafts}) == 4
 
 
-@pytest.mark.parametrize(("actions", "told"), [(["roll"], "roll"), ([], "no actions")])
+@pytest.mark.parametrize(
+    ("actions", "told"), [(["roll"], "roll"), ([], "0 actions"), (["next"] * 101, "101 actions")]
+)
 def test_unknown_actions_are_refused(actions: list[str], told: str) -> None:
     with pytest.raises(UsageError, match=told):
         sample_session(seed=0, actions=actions)
