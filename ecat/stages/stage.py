@@ -1,4 +1,4 @@
-"""What a stage is: a named, versioned, pure function from Arrow tables to Arrow tables."""
+"""What a stage is: a named, versioned, pure function from Arrow tables and images to Arrow tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from typing import Any, TypeAlias
 
 import pyarrow as pa
 
+from ecat.stages.images import ImagesByKind
+
 Tables: TypeAlias = Mapping[str, pa.Table]
+
+
+def _all(parameters: Any) -> Any:
+    return parameters
 
 
 @dataclass(frozen=True)
@@ -18,10 +24,12 @@ class Stage:
     Parameters
     ----------
     name, version : recorded with every result; a change of either makes stored results stale.
-    inputs : tables it reads; ``optional`` ones may be missing from what ``run`` is given.
+    inputs, images : tables it reads, and kinds of streams (color, depth) it looks at; ``optional`` ones may be missing
+        from what ``run`` is given.
     outputs : tables it makes.
     parameters : the frozen dataclass of its parameters, every field with a default.
     run : the function itself; it opens no file and keeps no state.
+    recorded : what of the parameters the result depends on; all of them unless said otherwise.
     """
 
     name: str
@@ -29,5 +37,7 @@ class Stage:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     parameters: type
-    run: Callable[[Tables, Any], dict[str, pa.Table]]
+    run: Callable[[Tables, ImagesByKind, Any], dict[str, pa.Table]]
     optional: tuple[str, ...] = ()
+    images: tuple[str, ...] = ()
+    recorded: Callable[[Any], Any] = _all

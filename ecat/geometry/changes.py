@@ -1,0 +1,88 @@
+"""Which parts of a video's images have changed since they were last looked at."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Region: TypeAlias = tuple[int, int, int, int]
+"""left, top, right, bottom in pixels; right and bottom are outside."""
+
+TILE_PX = 8
+
+
+def tile_means(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Mean grey values of the tiles of an image, TILE_PX wide and high; an incomplete last row or column is cut off.
+
+    Every fourth row is enough.
+    """
+    import cv2
+
+    height, width = grey.shape[0] // TILE_PX, grey.shape[1] // TILE_PX
+    tiles = grey[: height * TILE_PX : 4, : width * TILE_PX]
+    if not tiles.size:
+        return np.empty((height, width), np.uint8)
+    # halving both ways is the one step that OpenCV has a fast path for
+    tiles = cv2.resize(tiles, (width * 4, height), interpolation=cv2.INTER_AREA)
+    tiles = cv2.resize(tiles, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(tiles, np.uint8)
+
+
+class Changes:
+    """Remembers how every tile looked when it was last looked at.
+
+    What is found in a tile can differ from what was found before only if its pixels do.  Sensor noise hardly moves
+    the mean of 16 pixels, so ``least`` grey levels are enough of a difference; slow ones add up until they count.
+    """
+
+    def __init__(self, least: int) -> None:
+        self._least = least
+        self._known: NDArray[np.uint8] | None = None
+
+    def look(self, tiles: NDArray[np.uint8]) -> list[Region]:
+        """Regions that changed, as rectangles around the connected ones; they count as looked at from now on."""
+        import cv2
+
+        if not tiles.size:
+            return []
+        if self._known is None or self._known.shape != tiles.shape:
+            self._known = tiles.copy()
+            return [(0, 0, tiles.shape[1] * TILE_PX, tiles.shape[0] * TILE_PX)]
+        changed = cv2.threshold(cv2.absdiff(tiles, self._known), self._least - 1, 1, cv2.THRESH_BINARY)[1]
+        np.copyto(self._known, tiles, where=changed > 0)
+        # tiles within two of each other belong together
+        joined = cv2.dilate(changed, np.ones((3, 3), np.uint8))
+        outlines, _ = cv2.findContours(joined, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        boxes = [cv2.boundingRect(outline) for outline in outlines]
+        return [(x * TILE_PX, y * TILE_PX, (x + w) * TILE_PX, (y + h) * TILE_PX) for x, y, w, h in boxes]
+
+    def all_seen(self, tiles: NDArray[np.uint8]) -> None:
+        """Everything was looked at."""
+        self._known = tiles.copy()
+
+
+def grown(region: Region, margin: float, shape: tuple[int, int]) -> Region:
+    """The region with a margin all around, inside of an image (height, width)."""
+    m = int(np.ceil(margin))
+    left, top, right, bottom = region
+    return max(left - m, 0), max(top - m, 0), min(right + m, shape[1]), min(bottom + m, shape[0])
+
+
+def merged(regions: list[Region]) -> list[Region]:
+    """The same with those that overlap united, until none do."""
+    left = list(regions)
+    done: list[Region] = []
+    while left:
+        a = left.pop()
+        for other in [*left, *done]:
+            if a[0] < other[2] and other[0] < a[2] and a[1] < other[3] and other[1] < a[3]:
+                (left if other in left else done).remove(other)
+                left.append(
+                    (min(a[0], other[0]), min(a[1], other[1]), max(a[2], other[2]), max(a[3], other[3]))
+                )
+                break
+        else:
+            done.append(a)
+    return sorted(done)
