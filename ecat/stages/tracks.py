@@ -1,0 +1,162 @@
+"""From tables of poses and joints to arrays: where every box and every hand is, on the session's frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from ecat.geometry.boxes import match_codes
+from ecat.geometry.transforms import Floats, Rigid
+from ecat.model.prototype import BoxPrototype
+from ecat.stages.pose import table_frame
+
+JOINT_SIGMA_M = {"tracked": 0.01, "inferred": 0.03}
+"""Standard deviation of a joint by its state; others are not used."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """The frames of a session: ``frame`` (n,) ascending, ``t_s`` (n,) seconds, ``t_ns`` as in the tables."""
+
+    frame: NDArray[np.int64]
+    t_s: Floats
+    t_ns: list[int | None]
+
+    def interval(self, start: int, end: int) -> dict[str, int | None]:
+        """Columns of a half-open interval of rows; the end after the last row is one usual step later."""
+        if end < len(self.frame):
+            return {
+                "start_frame": int(self.frame[start]),
+                "end_frame": int(self.frame[end]),
+                "start_ns": self.t_ns[start],
+                "end_ns": self.t_ns[end],
+            }
+        times = [t for t in self.t_ns if t is not None]
+        step = int(np.median(np.diff(times))) if len(times) > 1 else 0
+        return {
+            "start_frame": int(self.frame[start]),
+            "end_frame": int(self.frame[-1]) + 1,
+            "start_ns": self.t_ns[start],
+            "end_ns": times[-1] + step if times else None,
+        }
+
+
+@dataclass(frozen=True)
+class Track:
+    """One box on all n frames of a session.
+
+    ``pose`` (n) in the ``table`` frame, NaN where unknown; ``sigma_m`` (n,) of its position; ``observed`` (n,) seen
+    rather than interpolated; ``free`` (n,) off the table; ``box`` its prototype.
+    """
+
+    object_id: str
+    box: BoxPrototype
+    pose: Rigid
+    sigma_m: Floats
+    observed: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+
+    @property
+    def size_m(self) -> Floats:
+        """(3,) edges."""
+        return np.array(self.box.size_m, float)
+
+
+@dataclass(frozen=True)
+class HandTrack:
+    """One hand on all frames: ``rig`` object, ``joint`` name, ``place`` (n, 3) in ``table``, NaN where unknown."""
+
+    rig: str
+    joint: str
+    place: Floats
+    sigma_m: Floats
+
+    @property
+    def target(self) -> str:
+        """How a role names it."""
+        return f"{self.rig}/{self.joint}"
+
+
+def object_boxes(
+    markers: Sequence[pa.Table | None], prototypes: Sequence[BoxPrototype], *, mirrored: bool
+) -> dict[str, BoxPrototype]:
+    """The prototype of each object: the one that most of its codes belong to."""
+    votes: Counter[tuple[str, str]] = Counter()
+    for table in markers:
+        if table is not None:
+            votes.update(zip(*_words(table, "object_id", "code"), strict=True))
+    known = match_codes([code for _, code in votes], prototypes, mirrored=mirrored)
+    boxes: dict[str, Counter[int]] = {}
+    for (name, code), n in votes.items():
+        if code in known:
+            boxes.setdefault(name, Counter())[known[code][0]] += n
+    return {name: prototypes[vote.most_common(1)[0][0]] for name, vote in sorted(boxes.items())}
+
+
+def timeline(clock: pa.Table) -> Timeline:
+    """The frames of a table with the columns ``frame`` and ``t_ns``; without times they are thirtieths of a second."""
+    frame = np.asarray(clock["frame"].to_numpy(), np.int64)
+    t_ns: list[int | None] = clock["t_ns"].to_pylist()
+    known = None not in t_ns
+    return Timeline(frame, np.array(t_ns, float) / 1e9 if known else frame / 30.0, t_ns)
+
+
+def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeline) -> list[Track]:
+    """A track for each object of a table of poses whose prototype is known, by object id."""
+    names = np.array(poses["object_id"].cast(pa.string()).to_pylist(), object)
+    rows = np.searchsorted(line.frame, poses["frame"].to_numpy())
+    values = np.stack([np.asarray(poses[n].to_numpy(zero_copy_only=False), float) for n in _NUMBERS], -1)
+    observed = np.array([source == "observed" for source in poses["source"].to_pylist()], bool)
+    free = np.array([support == "free" for support in poses["support"].to_pylist()], bool)
+    found: list[Track] = []
+    for name in sorted(set(names.tolist()) & set(boxes)):
+        mine = names == name
+        at = rows[mine]
+        numbers = np.full((len(line.frame), len(_NUMBERS)), np.nan)
+        flags = np.zeros((2, len(line.frame)), bool)
+        numbers[at], flags[0, at], flags[1, at] = values[mine], observed[mine], free[mine]
+        pose = Rigid.from_quaternion(numbers[:, 3:7], numbers[:, :3])
+        found.append(Track(name, boxes[name], pose, numbers[:, 7], flags[0], flags[1]))
+    return found
+
+
+_NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "sigma_m")
+
+
+def read_hands(
+    joints: pa.Table | None, table_plane: pa.Table, line: Timeline, names: Sequence[str]
+) -> list[HandTrack]:
+    """The named joints of every annotated rig, in the ``table`` frame; bodies without a rig are left out."""
+    if joints is None or not joints.num_rows:
+        return []
+    table_from_camera = table_frame(table_plane).inverse()
+    kept = joints.filter(
+        pc.and_(
+            pc.is_in(joints["joint"].cast(pa.string()), value_set=pa.array(list(names), pa.string())),
+            pc.is_valid(joints["object_id"]),
+        )
+    )
+    owner = np.array([f"{a}/{b}" for a, b in zip(*_words(kept, "object_id", "joint"), strict=True)], object)
+    frame = np.asarray(kept["frame"].to_numpy(), np.int64)
+    points = np.stack([np.asarray(kept[axis].to_numpy(zero_copy_only=False), float) for axis in "xyz"], -1)
+    sigma = np.array([JOINT_SIGMA_M.get(state, np.nan) for state in _words(kept, "state")[0]], float)
+    points = table_from_camera.apply(np.where(np.isnan(sigma)[:, None], np.nan, points))
+    found: list[HandTrack] = []
+    for name in sorted(set(owner.tolist())):
+        mine = (owner == name) & np.isin(frame, line.frame)
+        at = np.searchsorted(line.frame, frame[mine])
+        place, doubt = np.full((len(line.frame), 3), np.nan), np.full(len(line.frame), np.nan)
+        place[at], doubt[at] = points[mine], sigma[mine]
+        rig, joint = name.rsplit("/", 1)
+        found.append(HandTrack(rig, joint, place, doubt))
+    return found
+
+
+def _words(table: pa.Table, *names: str) -> list[list[str]]:
+    return [[str(value) for value in table[name].to_pylist()] for name in names]
