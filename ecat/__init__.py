@@ -16,10 +16,16 @@ from ecat.errors import EcatError
 if TYPE_CHECKING:
     from ecat.store import Project, Session, open_project, open_session
 
+    __version__: str
+
 __all__ = ["EcatError", "Project", "Session", "open_project", "open_session"]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("ecat")
     # Arrow, pandas and the rest take half a second to import: only for those who open a session
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -29,4 +35,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, "__version__"})

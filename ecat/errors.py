@@ -21,6 +21,7 @@ An error says four things: what could not be done, where the cause is, what happ
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import ClassVar
 
@@ -31,25 +32,31 @@ class EcatError(Exception):
     Parameters
     ----------
     what : one line, what could not be done (``cannot import Session1/files.param``).
-    where : the place of the cause (``line 12: the root element is <a>, expected <annotation>``), or empty.
-    consequence : what became of the data (``the layer was not read``), or empty.
-    fix : what to do about it, a command where there is one, or empty.
+    where : the place of the cause (``line 12: the root element is <a>, expected <annotation>``), or a line for each
+        of several.
+    consequence : what became of the data (``the layer was not read``); ``usual_consequence`` if not given.
+    fix : what to do about it, a command where there is one; ``usual_fix`` if not given.
     """
 
     exit_code: ClassVar[int] = 1
+    usual_consequence: ClassVar[str] = ""
+    usual_fix: ClassVar[str] = ""
 
-    def __init__(self, what: str, *, where: str = "", consequence: str = "", fix: str = "") -> None:
+    def __init__(
+        self, what: str, *, where: str | tuple[str, ...] = "", consequence: str = "", fix: str = ""
+    ) -> None:
         super().__init__(what)
         self.what = what
-        self.where = where
-        self.consequence = consequence
-        self.fix = fix
+        self.where = one_line(where) if isinstance(where, str) else "\n".join(map(one_line, where))
+        self.consequence = consequence or self.usual_consequence
+        self.fix = fix or self.usual_fix
 
     def __str__(self) -> str:
-        lines = [self.what]
-        lines += [f"  {line}" for line in (self.where, self.consequence) if line]
-        if self.fix:
-            lines.append(f"  try: {self.fix}")
+        """A line each, whatever the names in it contain."""
+        fix = f"try: {self.fix}" if self.fix else ""
+        lines = [one_line(self.what)]
+        lines += [f"  {line}" for line in self.where.split("\n") if line]
+        lines += [f"  {one_line(line)}" for line in (self.consequence, fix) if line]
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, str]:
@@ -67,14 +74,19 @@ class UsageError(EcatError):
     """The call itself is wrong: unknown option, impossible combination."""
 
     exit_code: ClassVar[int] = 2
+    usual_consequence: ClassVar[str] = "nothing was done"
 
 
 class InputError(EcatError):
     """What was read is not what it should be."""
 
+    usual_consequence: ClassVar[str] = "nothing was taken from it"
+
 
 class FormatError(InputError):
     """Malformed, truncated, or not of the claimed format."""
+
+    usual_fix: ClassVar[str] = "check that this is the right file, or take a copy of it that is not damaged"
 
 
 class SchemaError(InputError):
@@ -100,6 +112,8 @@ class SchemaError(InputError):
 class LimitError(InputError):
     """Larger or deeper than ecat is willing to read."""
 
+    usual_fix: ClassVar[str] = "check that this is the right file"
+
 
 class StoreError(EcatError):
     """The session on disk, or the disk under it."""
@@ -107,6 +121,8 @@ class StoreError(EcatError):
 
 class NotFoundError(StoreError):
     """Nothing there, or not a session."""
+
+    usual_consequence: ClassVar[str] = "nothing was done"
 
 
 class ExistsError(StoreError):
@@ -136,9 +152,24 @@ class DiskError(StoreError):
 class MissingExtraError(EcatError):
     """An optional library is not installed; ``fix`` names the extra."""
 
+    usual_consequence: ClassVar[str] = "nothing was done"
 
-def os_error(error: OSError, what: str, path: Path | str, consequence: str = "") -> EcatError:
-    """The typed error for an ``OSError`` met while doing ``what`` at ``path``."""
+
+def one_line(text: str) -> str:
+    """``text`` with control characters, which may break a line or steer a terminal, shown as escapes."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+_DISK_FIXES = {
+    errno.ENOSPC: "free some space, then do it again",
+    errno.EDQUOT: "free some space, then do it again",
+    errno.ENAMETOOLONG: "use a shorter name",
+    errno.ELOOP: "check where the symbolic links of the path lead",
+}
+
+
+def os_error(error: OSError, what: str, path: Path | str, consequence: str = "it was not read") -> EcatError:
+    """The typed error for an ``OSError`` met while doing ``what`` at ``path``; ``consequence`` is that of a read."""
     where = f"{path}: {error.strerror or error}"
     kinds: dict[type[OSError], tuple[type[EcatError], str]] = {
         FileNotFoundError: (NotFoundError, "check the path"),
@@ -150,6 +181,5 @@ def os_error(error: OSError, what: str, path: Path | str, consequence: str = "")
     for kind, (made, fix) in kinds.items():
         if isinstance(error, kind):
             return made(what, where=where, consequence=consequence, fix=fix)
-    return DiskError(
-        what, where=where, consequence=consequence, fix="free some space or check the disk, then run it again"
-    )
+    fix = _DISK_FIXES.get(error.errno or 0, "check the disk, then do it again")
+    return DiskError(what, where=where, consequence=consequence, fix=fix)

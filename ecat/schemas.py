@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
+from ecat.checkout import checkout_folder
+from ecat.errors import EcatError
 from ecat.store import manifest_schema, project_schema
 from ecat.store.xsd import annotation_xsd
 from ecat.tables import TABLES
-
-FOLDER = Path(__file__).resolve().parents[1] / "schemas"
 
 
 def generated() -> dict[str, str]:
@@ -28,13 +27,22 @@ def _json(data: object) -> str:
 
 
 def main() -> None:
-    """Write ``schemas/``."""
+    """Write ``schemas/``.
+
+    Raises
+    ------
+    UsageError : there is no checkout to write into.
+    """
+    folder = checkout_folder("schemas")
     for name, text in generated().items():
-        path = FOLDER / name
+        path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-        sys.stdout.write(f"{path.relative_to(FOLDER.parent)}\n")
+        sys.stdout.write(f"{path.relative_to(folder.parent)}\n")
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except EcatError as failed:
+        sys.exit(f"ecat: {failed}")

@@ -30,9 +30,12 @@ def import_source(
     StoreError : ``dest`` is taken or cannot be written; nothing is left there.
     """
     source, dest = Path(source), Path(dest)
+    registry.refuse_own(source)
     chosen = registry.find(format) if format is not None else registry.sniff(source)
     if chosen.read is None:
-        raise UsageError(f"the format {chosen.name} is only written, not read", fix="ecat formats")
+        raise UsageError(
+            f"cannot import {source}", where=f"{chosen.name} is only written, not read", fix="ecat formats"
+        )
     options = ImportOptions(skip_bad_markers=skip_bad_markers, keep_going=keep_going)
     return chosen.read(source, dest, options, progress)
 
@@ -53,5 +56,7 @@ def export(
     """
     chosen = registry.find(format)
     if chosen.write is None:
-        raise UsageError(f"the format {chosen.name} is only read, not written", fix="ecat formats")
+        raise UsageError(
+            f"cannot export {path}", where=f"{chosen.name} is only read, not written", fix="ecat formats"
+        )
     return chosen.write(Path(path), Path(dest), progress)

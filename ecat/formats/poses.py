@@ -1,16 +1,17 @@
 """The poses of a session or a whole project as one Parquet file.
 
-One row per frame and box: ``action`` (the project's folder), ``session``, ``frame``, ``object`` (its name),
-``x``, ``y``, ``z`` (metres in the table frame), ``rotation`` (about the table's normal), ``roll``, ``pitch``
-(radians), ``observed``, ``residual`` (pixels), ``source``.
+One row per frame and box; every column says its meaning, unit and frame of reference in its metadata.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ecat.errors import NotFoundError
@@ -18,19 +19,34 @@ from ecat.formats.format import ExportReport, Format
 from ecat.geometry.transforms import euler_from_quaternion
 from ecat.progress import Progress
 from ecat.store import Session, find_sessions, open_session, staged_file
+from ecat.tables import Column, TableSchema
 
-SCHEMA = pa.schema(
-    [
-        ("action", pa.string()),
-        ("session", pa.string()),
-        ("frame", pa.int32()),
-        ("object", pa.string()),
-        *((name, pa.float64()) for name in ("x", "y", "z", "rotation", "roll", "pitch")),
-        ("observed", pa.bool_()),
-        ("residual", pa.float64()),
-        ("source", pa.string()),
-    ]
-)
+
+def _number(name: str, meaning: str, unit: str, reference: str = "") -> Column:
+    return Column(
+        name, pa.float64(), f"{meaning}; null where nothing is known", unit, reference, nullable=True
+    )
+
+
+SCHEMA = TableSchema(
+    "exported_poses",
+    "Pose of every box at every frame of every session.",
+    (
+        Column("action", pa.string(), "the folder that the session lies in"),
+        Column("session", pa.string(), "the session"),
+        Column("t_ns", pa.int64(), "time since the session's start; null without a clock", "ns", "", True),
+        Column("frame", pa.int32(), "image of the annotated video, from zero"),
+        Column("object", pa.string(), "name of the box"),
+        *(_number(axis, f"centre of the box: {axis}", "m", "table") for axis in "xyz"),
+        _number("rotation", "turn about the table's normal", "rad", "table"),
+        _number("roll", "turn about the table's x axis, before the others", "rad", "table"),
+        _number("pitch", "turn about the table's y axis, after roll and before rotation", "rad", "table"),
+        Column("observed", pa.bool_(), "whether markers of the box were seen in this frame"),
+        _number("residual", "root mean square reprojection error of the corners", "px", "colour image"),
+        Column("source", pa.string(), "observed, interpolated, or null where nothing is known", "", "", True),
+    ),
+).arrow
+_FRAMES_AT_ONCE = 1 << 16
 
 
 def write_smooth(path: Path, dest: Path, progress: Progress) -> ExportReport:
@@ -62,7 +78,8 @@ def _write(path: Path, dest: Path, progress: Progress, table: str, name: str) ->
             if not session.has_table(table):
                 findings.append(f"{folder.name}: no table {table} yet; left out")
                 continue
-            out.write_table(_rows(session, table))
+            for rows in _rows(session, table):
+                out.write_table(rows)
             written += 1
         if not written:
             raise NotFoundError(
@@ -75,27 +92,36 @@ def _write(path: Path, dest: Path, progress: Progress, table: str, name: str) ->
     return ExportReport(path=dest, format=name, sessions=written, findings=tuple(findings))
 
 
-def _rows(session: Session, table: str) -> pa.Table:
-    poses = session.table(table).to_arrow()
+def _rows(session: Session, table: str) -> Iterator[pa.Table]:
+    """The rows to write, some frames at a time: a recording may be longer than memory allows."""
     names: dict[str, str] = {}
     for row in session.objects.to_arrow().to_pylist():
         # the first layer's name counts; an object without one goes by its id
         names.setdefault(row["object_id"], row["name"] or row["object_id"])
+    left, start = session.table(table).num_rows, 0
+    while left > 0 and start < 1 << 31:
+        poses = session.table(table, start_frame=start, end_frame=start + _FRAMES_AT_ONCE).to_arrow()
+        if poses.num_rows:
+            yield _exported(poses, session, names)
+        left, start = left - poses.num_rows, start + _FRAMES_AT_ONCE
+
+
+def _exported(poses: pa.Table, session: Session, names: dict[str, str]) -> pa.Table:
     quaternions = np.column_stack([np.asarray(poses[q]) for q in ("qx", "qy", "qz", "qw")])
     roll, pitch, yaw = euler_from_quaternion(quaternions)
-    n = poses.num_rows
-    sources = poses["source"].to_pylist()
+    objects: Any = poses["object_id"].cast(pa.string()).combine_chunks().dictionary_encode()
+    labels = pa.array([names.get(known, known) for known in objects.dictionary.to_pylist()], pa.string())
+    source = poses["source"].cast(pa.string())
     angles = {"rotation": yaw, "roll": roll, "pitch": pitch}
-    columns = {
-        "action": pa.array([session.path.resolve().parent.name] * n),
-        "session": pa.array([session.name] * n),
-        "frame": poses["frame"],
-        "object": pa.array([names.get(str(o), str(o)) for o in poses["object_id"].to_pylist()]),
-        **{axis: poses[axis] for axis in ("x", "y", "z")},
-        **{axis: pa.array(values, from_pandas=True) for axis, values in angles.items()},
-        "observed": pa.array([source == "observed" for source in sources]),
+    columns: dict[str, Any] = {
+        "action": pa.repeat(session.path.resolve().parent.name, poses.num_rows),
+        "session": pa.repeat(session.name, poses.num_rows),
+        "object": labels.take(objects.indices),
+        **{name: poses[name] for name in ("t_ns", "frame", "x", "y", "z")},
+        **{name: pa.array(values, from_pandas=True) for name, values in angles.items()},
+        "observed": pc.equal(source, pa.scalar("observed")).fill_null(False),
         "residual": poses["residual_px"],
-        "source": pa.array(sources, pa.string()),
+        "source": source,
     }
     return pa.table([columns[field.name] for field in SCHEMA], schema=SCHEMA)
 

@@ -19,7 +19,7 @@ from ecat.store.manifest import manifest_schema, project_schema
 from ecat.store.output import staged_file, write_new_file
 from ecat.store.parquet import TableData
 from ecat.store.project import Project, create_project, find_sessions, open_project, write_project_manifest
-from ecat.store.session import Draft, Session, create_session, open_session
+from ecat.store.session import Draft, Session, create_session, fill_session, open_session
 from ecat.store.staging import staged_folder
 from ecat.store.table_view import TableView
 
@@ -35,6 +35,7 @@ __all__ = [
     "append_journal",
     "create_project",
     "create_session",
+    "fill_session",
     "find_sessions",
     "leftovers",
     "manifest_schema",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ecat.errors import UsageError
-from ecat.model import Layer, LayerRecord, Manifest, TableRecord
+from ecat.model import Layer, LayerRecord, Manifest, Stream, TableRecord
 from ecat.store import files
 from ecat.store.manifest import SESSION_FILE, dump_manifest, is_file_name, layer_file, table_file
 from ecat.store.parquet import TableData, write_table
@@ -39,7 +39,9 @@ class Commit:
         """Add an annotation layer, or replace the one of that name; the published tables follow."""
         if not is_file_name(layer.name):
             raise UsageError(
-                f"cannot write layer {layer.name!r}", fix="letters, digits, '_', '-', '.' and spaces"
+                f"cannot write layer {layer.name!r}",
+                where="a layer's name becomes that of a file",
+                fix="take letters, digits, '_', '-', '.' and spaces",
             )
         old = self._before.layer(layer.name)
         file = layer_file(layer.name)
@@ -54,12 +56,10 @@ class Commit:
     def put_table(self, name: str, table: TableData) -> None:
         """Add the table called ``name``, or replace it; rows that come as an iterable are consumed now."""
         if name not in TABLES or name in _PUBLISHED:
-            why = (
-                "follows from the layers, put those"
-                if name in _PUBLISHED
-                else f"known tables: {', '.join(TABLES)}"
-            )
-            raise UsageError(f"cannot write table {name}", where=why)
+            why, fix = "there is no such table", f"name one of {', '.join(TABLES)}"
+            if name in _PUBLISHED:
+                why, fix = "it follows from the layers", "put those instead"
+            raise UsageError(f"cannot write table {name}", where=why, fix=fix)
         self._put_table(name, table)
 
     def put_prototypes(self, prototypes: Sequence[Mapping[str, object]]) -> None:
@@ -72,34 +72,65 @@ class Commit:
         """Replace fields of the manifest; the store keeps revision, layers and tables itself."""
         if wrong := sorted(set(manifest_fields) - _MAY_BE_UPDATED):
             raise UsageError(
-                f"cannot update {', '.join(wrong)}", where=f"one of {', '.join(sorted(_MAY_BE_UPDATED))}"
+                f"cannot update {', '.join(wrong)}",
+                where="the store keeps these itself, or they never change",
+                fix=f"update {', '.join(sorted(_MAY_BE_UPDATED))}",
             )
         self._manifest = replace(self._manifest, **manifest_fields)
         self._publish = True
 
     def copy_streams(self, sources: Mapping[str, Path]) -> None:
         """Copy a file for each stream named, to where the stream's ``file`` says."""
-        copied: dict[str, tuple[Path, int]] = {}
-        streams = {stream.name: stream for stream in self._manifest.streams}
+        copied: dict[str, Path] = {}
         for name, source in sources.items():
-            stream = streams.get(name)
-            if stream is None or not stream.file.startswith("media/"):
+            target = self._media_file(name, "copy")
+            if copied.get(target, source) != source:
+                fix = "give each stream a file of its own"
                 raise UsageError(
-                    f"cannot copy the file of stream {name}", where="no such stream with a file in media/"
+                    f"cannot copy the file of stream {name}", where=f"{target} is taken", fix=fix
                 )
-            if copied.get(stream.file, (source, 0))[0] != source:
-                raise UsageError(f"cannot copy the file of stream {name}", where=f"{stream.file} is taken")
-            if stream.file not in copied:
-                with self._new.open(stream.file) as file:
+            if target not in copied:
+                with self._new.open(target) as file:
                     files.copy(source, file)
-                copied[stream.file] = (source, file.size)
-            facts = {
-                "present": True,
-                "size_bytes": copied[stream.file][1],
-                "sha256": self._new.sha256[stream.file],
-            }
-            streams[name] = replace(stream, **facts)
-        self._manifest = replace(self._manifest, streams=tuple(streams.values()))
+                copied[target] = source
+            self._there(name)
+
+    def write_streams(self, writers: Mapping[str, Callable[[Path], None]]) -> None:
+        """Let a function write the file of each stream named; it is given the path to write to."""
+        for name, write in writers.items():
+            target = self._media_file(name, "write")
+            if target in self._new.sha256:
+                fix = "give each stream a file of its own"
+                raise UsageError(
+                    f"cannot write the file of stream {name}", where=f"{target} is taken", fix=fix
+                )
+            self._new.written_by(target, write)
+            self._there(name)
+
+    def revise(self, change: Callable[[Manifest], Manifest]) -> None:
+        """Replace the manifest by what ``change`` makes of it; layers and tables stay the store's."""
+        changed = change(self._manifest)
+        self._manifest = replace(changed, layers=self._manifest.layers, tables=self._manifest.tables)
+
+    def _media_file(self, name: str, verb: str) -> str:
+        stream = next((stream for stream in self._manifest.streams if stream.name == name), None)
+        if stream is None or not stream.file.startswith("media/"):
+            raise UsageError(
+                f"cannot {verb} the file of stream {name}",
+                where="no such stream with a file in media/",
+                fix="declare the stream in the manifest",
+            )
+        return stream.file
+
+    def _there(self, name: str) -> None:
+        """Record size and hash of the file that a stream has now."""
+
+        def known(stream: Stream) -> Stream:
+            size, sha256 = self._new.path(stream.file).stat().st_size, self._new.sha256[stream.file]
+            return replace(stream, present=True, size_bytes=size, sha256=sha256)
+
+        streams = tuple(known(s) if s.name == name else s for s in self._manifest.streams)
+        self._manifest = replace(self._manifest, streams=streams)
 
     def close(self, revision: int) -> bool:
         """Write what follows from what was put, published tables and manifest; false if nothing was put."""

@@ -30,8 +30,10 @@ step: Callable[[str, Path], None] = _go_on
 
 
 @contextmanager
-def typed_errors(what: str, path: Path, consequence: str = "") -> Generator[None]:
-    """Turn an ``OSError`` of the block into the typed error that says ``what`` could not be done."""
+def typed_errors(what: str, path: Path, consequence: str = "it was not read") -> Generator[None]:
+    """Turn an ``OSError`` of the block into the typed error that says ``what`` could not be done; see
+    :func:`ecat.errors.os_error`.
+    """
     try:
         yield
     except OSError as error:
@@ -44,7 +46,12 @@ def open_regular(path: Path) -> io.BufferedReader:
     descriptor = os.open(path, flags)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise FormatError(f"cannot read {path.name}", where=f"{path}: not a regular file")
+        raise FormatError(
+            f"cannot read {path.name}",
+            where=f"{path}: not a regular file",
+            consequence="it was not read",
+            fix="put the file itself there, not a folder, a pipe or a device",
+        )
     return os.fdopen(descriptor, "rb")
 
 
@@ -58,7 +65,12 @@ def read_bytes(path: Path, limit: int) -> bytes:
     with open_regular(path) as file:
         data = file.read(limit + 1)
     if len(data) > limit:
-        raise LimitError(f"cannot read {path.name}", where=f"{path}: more than {limit} bytes")
+        raise LimitError(
+            f"cannot read {path.name}",
+            where=f"{path}: more than {limit:,} bytes",
+            consequence="it was not read",
+            fix="check that this is the right file",
+        )
     return data
 
 

@@ -146,7 +146,7 @@ def remove_leftovers(path: Path) -> list[Path]:
     removed: list[Path] = []
     for leftover in leftovers(path):
         with contextlib.suppress(LockedError), locked(leftover if leftover.is_dir() else path):
-            with files.typed_errors(f"cannot remove {leftover.name}", leftover):
+            with files.typed_errors(f"cannot remove {leftover.name}", leftover, "it is still there"):
                 files.remove(leftover)
             removed.append(leftover)
     return removed

@@ -39,7 +39,8 @@ def append_journal(session: Session, layer: str, record: Mapping[str, object]) -
             + b"\n"
         )
     except (TypeError, ValueError) as error:
-        raise UsageError(f"cannot append to {path.name}", where=f"not JSON: {error}") from None
+        fix = "give what JSON can hold"
+        raise UsageError(f"cannot append to {path.name}", where=f"not JSON: {error}", fix=fix) from None
     with files.typed_errors(f"cannot append to {path.name}", path, "nothing was appended"):
         files.make_folder(path.parent)
         is_new = not path.exists()
@@ -76,7 +77,8 @@ def read_journal(session: Session, layer: str) -> list[dict[str, Any]]:
 
 def _path(session: Session, layer: str) -> Path:
     if not is_file_name(layer):
-        raise UsageError(f"cannot use the journal of layer {layer!r}", where="not a layer's name")
+        fix = "take letters, digits, '_', '-', '.' and spaces"
+        raise UsageError(f"cannot use the journal of layer {layer!r}", where="not a layer's name", fix=fix)
     return files.confined(session.path, f"annotations/{layer}.journal.jsonl")
 
 

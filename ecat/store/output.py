@@ -15,11 +15,28 @@ from ecat.store.manifest import SESSION_FILE
 
 def write_new_file(path: Path, pieces: Iterable[bytes]) -> None:
     """Write a file into a folder that is being made (:func:`ecat.store.staged_folder`)."""
-    with files.typed_errors(f"cannot write {path.name}", path):
+    with files.typed_errors(f"cannot write {path.name}", path, "it is not complete"):
         with files.NewFile(path) as file:
             for piece in pieces:
                 file.write(piece)
         files.sync(path)
+
+
+def keep_out_of_sessions(what: str, dest: Path) -> None:
+    """Return if ``dest`` is not inside of a session: what lies there belongs to the session alone.
+
+    Raises
+    ------
+    ExistsError : it is; the error says that ``what`` could not be done.
+    """
+    for folder in dest.resolve().parents:
+        if (folder / SESSION_FILE).exists():
+            raise ExistsError(
+                what,
+                where=f"{dest}: inside of the session {folder}",
+                consequence="the session was left as it is",
+                fix="choose a destination outside of it",
+            )
 
 
 @contextmanager
@@ -28,7 +45,7 @@ def staged_file(dest: Path, *, replaces: bytes = b"") -> Generator[Path]:
 
     Raises
     ------
-    ExistsError : ``dest`` is there, and is not to be replaced.
+    ExistsError : ``dest`` is there, and is not to be replaced; or it is inside of a session.
     """
     what = f"cannot write {dest.name}"
     staging = dest.with_name(f".{dest.name}.{secrets.token_hex(8)}.partial")
@@ -56,6 +73,7 @@ def staged_file(dest: Path, *, replaces: bytes = b"") -> Generator[Path]:
 
 
 def _must_be_free(dest: Path, replaces: bytes) -> None:
+    keep_out_of_sessions(f"cannot write {dest.name}", dest)
     if dest.exists() and not (replaces and _is_of_kind(dest, replaces)):
         raise ExistsError(
             f"cannot write {dest.name}",
@@ -66,8 +84,8 @@ def _must_be_free(dest: Path, replaces: bytes) -> None:
 
 
 def _is_of_kind(dest: Path, head: bytes) -> bool:
-    """Whether ``dest`` is a file that begins like ours, and not a part of a session."""
-    if not dest.is_file() or any((folder / SESSION_FILE).exists() for folder in dest.resolve().parents):
+    """Whether ``dest`` is a file that begins like ours."""
+    if not dest.is_file():
         return False
     with dest.open("rb") as file:
         return file.read(len(head)) == head

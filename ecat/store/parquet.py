@@ -56,7 +56,8 @@ class TableData:
                 "ecat.inputs": json.dumps(self.inputs),
             }
         except (TypeError, ValueError) as error:
-            raise SchemaError("cannot note what made a table", problems=(f"parameters: {error}",)) from None
+            what, fix = "cannot note what made a table", "give parameters that JSON can hold"
+            raise SchemaError(what, problems=(f"parameters: {error}",), fix=fix) from None
         return {key.encode(): value.encode() for key, value in facts.items()}
 
 
@@ -101,7 +102,7 @@ def write_table(file: NewFile, name: str, table: TableData) -> int:
     ------
     SchemaError : the rows do not fit the table's schema.
     """
-    known = TABLES[name].arrow
+    known = _known(name)
     schema = known.with_metadata({**(known.metadata or {}), **table.metadata()})
     rows = 0
     sink = pa.BufferedOutputStream(pa.PythonFile(file, mode="w"), _BUFFER)
@@ -110,6 +111,12 @@ def write_table(file: NewFile, name: str, table: TableData) -> int:
             writer.write_table(group, ROW_GROUP_ROWS)
             rows += group.num_rows
     return rows
+
+
+@cache
+def _known(name: str) -> pa.Schema:
+    # looked up by name: a table's declaration takes longer to hash than its rows may take to write
+    return TABLES[name].arrow
 
 
 @cache
@@ -155,7 +162,10 @@ def _fit(name: str, batches: Sequence[pa.RecordBatch], schema: pa.Schema) -> pa.
     except (KeyError, ValueError, pa.ArrowException) as error:
         problems = [str(error)]
     raise SchemaError(
-        f"cannot write table {name}", problems=tuple(problems), consequence="nothing was changed"
+        f"cannot write table {name}",
+        problems=tuple(problems),
+        consequence="nothing was changed",
+        fix=f"give it the columns and types of schemas/tables/{name}.json",
     )
 
 

@@ -57,7 +57,7 @@ def create_project(dest: Path | str, manifest: ProjectManifest) -> Project:
 def write_project_manifest(folder: Path, manifest: ProjectManifest) -> None:
     """Write ``project.json`` into a folder that is being made (:func:`ecat.store.staged_folder`)."""
     path = folder / PROJECT_FILE
-    with files.typed_errors(f"cannot write {PROJECT_FILE}", path):
+    with files.typed_errors(f"cannot write {PROJECT_FILE}", path, "it is not complete"):
         with files.NewFile(path) as file:
             file.write(dump_manifest(manifest, path))
         files.sync(path)

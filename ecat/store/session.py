@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,13 +29,17 @@ class Draft:
     ----------
     manifest : without records of layers and tables; the store fills them, and size and sha256 of the streams
         it copies. layers, tables : what to write. files : name of a stream, and the file to copy to where the
-        stream's ``file`` says (inside ``media/``).
+        stream's ``file`` says (inside ``media/``). media : name of a stream, and the function that writes its file
+        to the path it is given. finish : makes the manifest what it should be once the media are written, for what only
+        writing them tells; rows of ``tables`` that are made as they are asked for are made after it.
     """
 
     manifest: Manifest
     layers: tuple[Layer, ...] = ()
     tables: Mapping[str, TableData] = field(default_factory=dict[str, TableData])
     files: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    media: Mapping[str, Callable[[Path], None]] = field(default_factory=dict[str, Callable[[Path], None]])
+    finish: Callable[[Manifest], Manifest] | None = None
 
 
 class Session:
@@ -103,7 +107,7 @@ class Session:
         Raises
         ------
         NotFoundError : there is no such table; the error names the stage that makes it.
-        UsageError : the table, or the session, has no time to slice by; no such column.
+        UsageError : the table, or the session, has no time to slice by; an end before its start; no such column.
         """
         snapshot = self._snapshot
         record = snapshot.table_record(name)
@@ -120,6 +124,11 @@ class Session:
     def has_table(self, name: str) -> bool:
         """Whether there is a table called ``name``."""
         return self.manifest.table(name) is not None
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables that are there."""
+        return tuple(record.name for record in self.manifest.tables)
 
     @property
     def objects(self) -> TableView:
@@ -167,7 +176,8 @@ class Session:
             if stream.name == name:
                 return stream
         known = ", ".join(stream.name for stream in self.manifest.streams) or "none"
-        raise NotFoundError(f"cannot find stream {name}", where=f"{self.path}: the streams are: {known}")
+        where = f"{self.path}: the streams are: {known}"
+        raise NotFoundError(f"cannot find stream {name}", where=where, fix="name one of them")
 
     def stream_path(self, name: str) -> Path:
         """The file of the stream called ``name``.
@@ -261,20 +271,33 @@ def create_session(dest: Path | str, draft: Draft) -> Session:
     DiskError, ReadOnlyError : nothing is left behind.
     """
     dest = Path(dest)
-    manifest = replace(draft.manifest, layers=(), tables=())
     with staged_folder(dest) as staging:
-        new = NewFiles(staging)
-        commit = Commit(new, manifest, _no_layer)
-        with files.typed_errors(f"cannot create {dest.name}", dest, f"nothing was written to {dest}"):
-            commit.copy_streams(draft.files)
-            for layer in draft.layers:
-                commit.put_layer(layer)
-            for name, table in draft.tables.items():
-                commit.put_table(name, table)
-            commit.close(manifest.revision)
-            new.sync()
+        fill_session(staging, draft, dest)
     return open_session(dest)
 
 
+def fill_session(folder: Path, draft: Draft, dest: Path) -> None:
+    """Write a new session, durably, into the empty ``folder``, which whoever calls is making in one piece.
+
+    ``dest`` is where it is going to be, for errors, which are those of :func:`create_session`; what is left in
+    ``folder`` after one is the caller's to remove.
+    """
+    manifest = replace(draft.manifest, layers=(), tables=())
+    new = NewFiles(folder)
+    commit = Commit(new, manifest, _no_layer)
+    with files.typed_errors(f"cannot create {dest.name}", dest, f"nothing was written to {dest}"):
+        commit.copy_streams(draft.files)
+        commit.write_streams(draft.media)
+        if draft.finish is not None:
+            commit.revise(draft.finish)
+        for layer in draft.layers:
+            commit.put_layer(layer)
+        for name, table in draft.tables.items():
+            commit.put_table(name, table)
+        commit.close(manifest.revision)
+        new.sync()
+
+
 def _no_layer(name: str) -> Layer:
-    raise NotFoundError(f"cannot read layer {name}")
+    where = "the session is being made and has no earlier layers"
+    raise NotFoundError(f"cannot read layer {name}", where=where, fix="put the layer instead")

@@ -23,7 +23,14 @@ from ecat.tables import PUBLISHED, SCHEMA_VERSION, TABLES
 
 T = TypeVar("T")
 _PUBLISHED = {schema.name for schema in PUBLISHED}
-_STAGES = {"table_plane": "plane", "poses": "pose", "poses_smooth": "smooth"}
+_STAGES = {
+    "markers_2d": "track",
+    "table_plane": "plane",
+    "poses": "pose",
+    "poses_smooth": "smooth",
+    "relation_proposals": "relations",
+    "event_proposals": "propose",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +74,7 @@ class Snapshot:
             f"cannot use session {self.path.name} as it was opened",
             where=f"{self.path}: opened at revision {self.manifest.revision}, now at {revision}",
             consequence="nothing was read or written",
-            fix="session.refresh(), then do it again",
+            fix="run it again; in Python, session.refresh() first",
         )
 
     def damaged(self, record: TableRecord | LayerRecord, why: str) -> CorruptError:
@@ -100,7 +107,10 @@ class Snapshot:
     def table_record(self, name: str) -> TableRecord:
         """The record of the table called ``name``."""
         if name not in TABLES:
-            raise NotFoundError(f"cannot read table {name}", where=f"known tables: {', '.join(TABLES)}")
+            known = ", ".join(TABLES)
+            raise NotFoundError(
+                f"cannot read table {name}", where=f"known tables: {known}", fix="name one of them"
+            )
         record = self.manifest.table(name)
         if record is not None:
             return record
@@ -109,7 +119,7 @@ class Snapshot:
             f"cannot read table {name} of session {self.path.name}",
             where=f"{self.path}: "
             + (f"stage {stage} has not run" if stage else "the recording has no such data"),
-            fix=f"ecat process {self.path}" if stage else "",
+            fix=f"ecat process {self.path}" if stage else f"ecat info {self.path} lists the tables there are",
         )
 
     def read_table(self, record: TableRecord, read: Callable[[pq.ParquetFile], T]) -> T:
@@ -129,6 +139,7 @@ class Snapshot:
                 raise LimitError(
                     f"cannot read table {record.name}",
                     where=f"{path}: more rows than fit into memory",
+                    consequence="nothing was read",
                     fix="read a slice of it: start, end, columns",
                 ) from None
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from ecat.errors import ExistsError
 from ecat.store import files
 from ecat.store.lock import LOCK_FILE, locked
+from ecat.store.output import keep_out_of_sessions
 
 
 @contextmanager
@@ -23,7 +24,7 @@ def staged_folder(dest: Path) -> Generator[Path]:
 
     Raises
     ------
-    ExistsError : ``dest`` is there and is not an empty folder.
+    ExistsError : ``dest`` is there and is not an empty folder; or it is inside of a session.
     """
     what, consequence = f"cannot create {dest.name}", f"nothing was written to {dest}"
     place = Path(dest).resolve()
@@ -31,6 +32,7 @@ def staged_folder(dest: Path) -> Generator[Path]:
     made: list[Path] = []
     try:
         with files.typed_errors(what, dest, consequence):
+            keep_out_of_sessions(what, dest)
             _must_be_free(place, dest)
             _make_parents(place.parent, made)
             files.make_folder(staging)

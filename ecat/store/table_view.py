@@ -33,6 +33,7 @@ class TableView:
             raise UsageError(
                 f"cannot read {', '.join(unknown)} of table {record.name}",
                 where=f"its columns: {', '.join(names)}",
+                fix="choose from these",
             )
         self._snapshot = snapshot
         self._record = record
@@ -110,6 +111,13 @@ def bounds_of(
             where="the session has no clock",
             fix="start_frame, end_frame",
         )
+    for low, high in ((start, end), (start_frame, end_frame)):
+        if low is not None and high is not None and low > high:
+            raise UsageError(
+                f"cannot slice table {record.name} from {low} to {high}",
+                where="the end is before the start",
+                fix="exchange the two",
+            )
     return (
         *_bounds(record, ("t_ns", "start_ns", "end_ns"), _nanoseconds(start), _nanoseconds(end)),
         *_bounds(record, ("frame", "start_frame", "end_frame"), start_frame, end_frame),
@@ -120,7 +128,7 @@ def _nanoseconds(seconds: float | None) -> int | None:
     if seconds is None:
         return None
     if not math.isfinite(seconds):
-        raise UsageError(f"cannot slice at {seconds} s", fix="leave out the bound")
+        raise UsageError(f"cannot slice at {seconds} s", where="not a finite time", fix="leave out the bound")
     return round(seconds * 1e9)
 
 
@@ -135,7 +143,11 @@ def _bounds(
     if point in names:
         return [Bound(point, low, high)]
     if first not in names:
-        raise UsageError(f"cannot slice table {record.name}", where=f"its columns: {', '.join(names)}")
+        raise UsageError(
+            f"cannot slice table {record.name}",
+            where=f"it has neither times nor frames; its columns: {', '.join(names)}",
+            fix="read it whole",
+        )
     # an interval overlaps when it begins before the slice ends, and ends after the slice begins
     overlap = [Bound(first, None, high)] if high is not None else []
     return overlap + ([Bound(last, low + 1, None, nulls=True)] if low is not None else [])

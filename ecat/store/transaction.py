@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import json
 import secrets
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -54,10 +54,15 @@ class NewFiles:
         self.folder = folder
         self.id = commit_id
         self.sha256: dict[str, str] = {}
+        self._paths: dict[str, Path] = {}
 
     def path(self, target: str) -> Path:
         """Where the file that will be ``target`` is now."""
-        return _new_path(self.folder, target, self.id) if self.id else files.confined(self.folder, target)
+        path = self._paths.get(target)
+        if path is None:
+            path = _new_path(self.folder, target, self.id) if self.id else files.confined(self.folder, target)
+            self._paths[target] = path
+        return path
 
     @contextmanager
     def open(self, target: str) -> Generator[files.NewFile]:
@@ -71,6 +76,14 @@ class NewFiles:
             self.sha256[target] = ""
             yield file
         self.sha256[target] = file.sha256
+
+    def written_by(self, target: str, write: Callable[[Path], None]) -> None:
+        """Let a function write the file that will be ``target``, at the path that it is given."""
+        with self.open(target):
+            pass  # makes the folders, and the file, which the function replaces
+        path = self.path(target)
+        write(path)
+        self.sha256[target] = files.sha256_of(path)
 
     def write(self, target: str, data: bytes) -> str:
         """Write ``data`` to what will be ``target``, and return its sha256."""
@@ -114,11 +127,9 @@ def _new_path(folder: Path, target: str, commit_id: str) -> Path:
 
 
 def _sync_folders(folder: Path, targets: dict[str, str]) -> None:
-    inner = {
-        parent for target in targets for parent in (folder / target).parents if parent.is_relative_to(folder)
-    }
+    inner = {parent for target in targets for parent in Path(target).parents}
     for path in sorted(inner, reverse=True):
-        files.sync(path)
+        files.sync(folder / path)
 
 
 def _carry_out(folder: Path, record: CommitRecord) -> None:

@@ -59,14 +59,42 @@ def test_a_row_per_frame_and_box_with_angles(tmp_path: Path) -> None:
     report = export(source, tmp_path / "out.parquet", format="poses")
     found = pq.read_table(tmp_path / "out.parquet")
     assert report.sessions == 1
-    assert found.schema.equals(SCHEMA)
+    assert found.schema.equals(SCHEMA, check_metadata=True)
     first, second = found.to_pylist()
     assert first == {
-        "action": "SlideAway", "session": "Session1", "frame": 0, "object": "Shell", "x": 0.5, "y": 0.25, "z": 0.0762,
+        "action": "SlideAway", "session": "Session1", "t_ns": 0, "frame": 0, "object": "Shell",
+        "x": 0.5, "y": 0.25, "z": 0.0762,
         "rotation": pytest.approx(pi / 2), "roll": pytest.approx(0), "pitch": pytest.approx(0),
         "observed": True, "residual": 0.6, "source": "observed",
     }  # fmt: skip
     assert [second[name] for name in ("x", "rotation", "residual", "observed")] == [None, None, None, False]
+
+
+def test_every_column_says_its_unit_and_frame_of_reference(tmp_path: Path) -> None:
+    source = session(tmp_path / "s", poses=poses("pose"))
+    export(source, tmp_path / "out.parquet", format="poses")
+    said = {
+        field.name: tuple((field.metadata or {})[key].decode() for key in (b"meaning", b"unit", b"reference"))
+        for field in pq.read_schema(tmp_path / "out.parquet")
+    }
+    assert [name for name in SCHEMA.names if said[name][0]] == SCHEMA.names
+    assert {name: said[name][1:] for name in ("t_ns", "x", "rotation", "residual")} == {
+        "t_ns": ("ns", ""),
+        "x": ("m", "table"),
+        "rotation": ("rad", "table"),
+        "residual": ("px", "colour image"),
+    }
+
+
+def test_long_recordings_are_written_a_few_frames_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = session(tmp_path / "s", poses=poses("pose"))
+    export(source, tmp_path / "whole.parquet", format="poses")
+    monkeypatch.setattr("ecat.formats.poses._FRAMES_AT_ONCE", 1)
+    export(source, tmp_path / "parts.parquet", format="poses")
+    assert pq.read_metadata(tmp_path / "parts.parquet").num_row_groups == 2
+    assert pq.read_table(tmp_path / "parts.parquet").equals(pq.read_table(tmp_path / "whole.parquet"))
 
 
 def test_smoothed_poses_are_a_format_of_their_own_and_never_taken_for_the_others(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from ecat import formats
 from ecat.errors import FormatError, NotFoundError, UsageError
-from ecat.formats import Format, registry
+from ecat.formats import Format, import_source, registry
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +22,9 @@ def fresh() -> Iterator[None]:
 
 
 def test_ecat_s_own_formats_are_there_in_the_order_of_their_names() -> None:
-    assert [known.name for known in registry.all_formats()][:2] == ["ecat-2018", "poses"]
+    names = [known.name for known in registry.all_formats()]
+    assert names == sorted(names)
+    assert {"ecat-2018", "poses", "poses-smooth"} <= set(names)
     assert registry.find("ecat-2018").reads
     assert registry.find("ecat-2018").writes
     assert not registry.find("poses").reads
@@ -53,7 +55,7 @@ def test_another_package_adds_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match="unknown format 'elan'") as caught:
         registry.find("elan")
-    assert "ecat-2018, poses" in caught.value.where
+    assert ", ".join(known.name for known in registry.all_formats()) in caught.value.where
 
 
 class TestSniffing:
@@ -73,7 +75,7 @@ class TestSniffing:
 
 class TestDirections:
     def test_a_format_that_is_only_written_is_not_read(self, tmp_path: Path) -> None:
-        with pytest.raises(UsageError, match="the format poses is only written, not read"):
+        with pytest.raises(UsageError, match="poses is only written, not read"):
             formats.import_source(tmp_path, tmp_path / "out", format="poses")
 
     def test_a_format_that_is_only_read_is_not_written(
@@ -81,7 +83,7 @@ class TestDirections:
     ) -> None:
         only_read = Format(name="r", description="", read=registry.find("ecat-2018").read)
         monkeypatch.setattr(registry, "find", lambda _: only_read)
-        with pytest.raises(UsageError, match="the format r is only read, not written"):
+        with pytest.raises(UsageError, match="r is only read, not written"):
             formats.export(tmp_path, tmp_path / "out", format="r")
 
 
@@ -91,3 +93,15 @@ def test_a_package_that_cannot_be_loaded_does_not_take_the_others_with_it(
     monkeypatch.setattr(registry, "entry_points", lambda group: [Point("broken", "no_such_module_at_all")])
     assert registry.find("ecat-2018").reads
     assert "cannot be loaded: ModuleNotFoundError" in registry.find("broken").description
+
+
+@pytest.mark.parametrize("file", ["session.json", "project.json"])
+@pytest.mark.parametrize("insisted", [None, "ecat-2018"])
+def test_what_ecat_made_is_not_imported_again(tmp_path: Path, file: str, insisted: str | None) -> None:
+    (tmp_path / file).write_text("{}")
+    kind = file.removesuffix(".json")
+    for source in (tmp_path, tmp_path / file):
+        with pytest.raises(FormatError, match=f"is an ecat {kind} already") as caught:
+            import_source(source, tmp_path / "made", format=insisted)
+        assert f"ecat info {tmp_path}" in caught.value.fix
+        assert not (tmp_path / "made").exists()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from ecat.errors import DiskError, ExistsError, ReadOnlyError
-from ecat.store import files, staged_file, write_new_file
+from ecat.store import files, staged_file, staged_folder, write_new_file
 
 
 def left(folder: Path) -> list[str]:
@@ -61,6 +63,15 @@ class TestStagedFile:
             with pytest.raises(ExistsError):
                 fail(dest, replaces=b"ol")
             assert dest.read_bytes() == before
+
+    @pytest.mark.parametrize("write", [staged_file, staged_folder])
+    def test_nothing_new_appears_inside_of_a_session(
+        self, tmp_path: Path, write: Callable[[Path], AbstractContextManager[Path]]
+    ) -> None:
+        (tmp_path / "session.json").touch()
+        with pytest.raises(ExistsError, match="inside of the session"), write(tmp_path / "media" / "new"):
+            pass
+        assert left(tmp_path) == ["session.json"]
 
     def test_a_full_disk_is_one_typed_error(self, tmp_path: Path) -> None:
         with pytest.raises(DiskError) as caught, staged_file(tmp_path / "out.bin"):

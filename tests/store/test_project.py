@@ -45,7 +45,7 @@ def test_unfinished_folders_hidden_ones_and_links_are_passed_over(workspace: Pat
     make(workspace / ".hidden")
     (workspace / "b" / "again").symlink_to(workspace)
     (workspace / "b" / "s1" / "media").mkdir()
-    make(workspace / "b" / "s1" / "media" / "nested")
+    make(workspace.parent / "nested").path.rename(workspace / "b" / "s1" / "media" / "nested")
     assert find_sessions(workspace) == [workspace / "b" / "s1", workspace / "b" / "s2"]
 
 

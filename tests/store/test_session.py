@@ -61,6 +61,8 @@ def test_the_store_keeps_the_records_itself(tmp_path: Path) -> None:
     session = create_session(tmp_path / "session", Draft(manifest=bogus))
     assert session.manifest.layers == ()
     assert not session.has_table("joints")
+    assert "objects" in session.tables
+    assert all(session.has_table(name) for name in session.tables)
 
 
 def test_records_say_what_made_a_table(tmp_path: Path) -> None:

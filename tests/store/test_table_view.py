@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ecat.errors import UsageError
@@ -41,6 +42,7 @@ bound = st.none() | st.floats(-2, 12).map(lambda seconds: round(seconds, 2))
 @given(start=bound, end=bound)
 @settings(deadline=None)
 def test_a_slice_in_time_is_half_open(ten_seconds: Session, start: float | None, end: float | None) -> None:
+    assume(start is None or end is None or start <= end)
     first = -(10**12) if start is None else round(start * 1e9)
     last = 10**12 if end is None else round(end * 1e9)
     times = [round(i * 1_000_000_000 // 30) for i in range(300)]
@@ -48,6 +50,12 @@ def test_a_slice_in_time_is_half_open(ten_seconds: Session, start: float | None,
     view = ten_seconds.table("poses", start=start, end=end)
     assert view.to_arrow()["t_ns"].to_pylist() == wanted
     assert view.num_rows == len(wanted)
+
+
+@pytest.mark.parametrize("bounds", [{"start": 2.0, "end": 1.0}, {"start_frame": 2, "end_frame": 1}])
+def test_a_slice_that_ends_before_it_starts_is_refused(ten_seconds: Session, bounds: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="the end is before the start"):
+        ten_seconds.table("poses", **bounds)
 
 
 def test_a_slice_in_frames_is_half_open(ten_seconds: Session) -> None:

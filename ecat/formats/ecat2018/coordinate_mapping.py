@@ -93,6 +93,7 @@ def write_coordinate_mapping(mapping: CoordinateMapping) -> bytes:
         raise UsageError(
             "cannot write coordinateMapping.dat",
             where=f"tables of shape {near.shape} and {far.shape}, expected twice (height, width, 2)",
+            fix="give near and far of the same image",
         )
     height, width = near.shape[:2]
     tables = np.nan_to_num(np.stack([near, far]), nan=0.0).swapaxes(1, 2).astype("<f4")

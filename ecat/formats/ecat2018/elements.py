@@ -9,12 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from ecat.errors import FormatError
+from ecat.errors import FormatError, LimitError
 from ecat.formats.ecat2018.xml_input import Element
 from ecat.model import Foreign
 from ecat.model.annotation import foreign_value
 
 PREFIX = "ecat-2018:"
+MAX_ATTRIBUTES = 1000
 _INTEGER = re.compile(r"-?[0-9]{1,10}")
 _FORM = re.compile(r"(\w+)\((X|X,Y|Y,X)\)")
 
@@ -34,8 +35,20 @@ def tag_of(element: Element) -> str:
     return str(element.tag)
 
 
-def attributes_of(element: Element) -> dict[str, str]:
-    """The element's attributes in their order, without those of other XML namespaces."""
+def attributes_of(element: Element, what: str) -> dict[str, str]:
+    """The element's attributes in their order, without those of other XML namespaces.
+
+    Raises
+    ------
+    LimitError : more than a thousand; the time to read them grows with the square of their number.
+    """
+    if len(element.attrib) > MAX_ATTRIBUTES:
+        raise LimitError(
+            what,
+            where=f"line {element.sourceline}: {len(element.attrib):,} attributes, at most {MAX_ATTRIBUTES:,} are read",
+            consequence="the session was not imported; nothing was written",
+            fix="check that this is the right file",
+        )
     return {str(name): str(value) for name, value in element.items() if not str(name).startswith("{")}
 
 

@@ -24,7 +24,7 @@ def event_of(element: Element, event_id: str, what: str) -> Event:
     ------
     FormatError : a number is missing or is none.
     """
-    said = attributes_of(element)
+    said = attributes_of(element, what)
     foreign: list[Foreign] = attribute_facts(said, ("id",), ("id",))
     if event_id != said.get("id"):
         foreign.append(fact("id", said.get("id", "")))

@@ -1,9 +1,8 @@
 """Runs of marker faces, taken out of the byte stream before the XML parser sees them.
 
-Nine tenths of a Kinect session's file are faces in one fixed layout, and cutting that layout at its tags is
-several times faster than parsing it.  Whatever stands between two numbers or two codes occurs again and
-again, so that each such text is checked once and then looked up.  Only what has ECAT's layout exactly,
-directly inside a marker list, is taken; everything else, and everything from the first comment, CDATA
+Nine tenths of a Kinect session's file are faces in one fixed layout, and reading that layout as such
+(:mod:`ecat.formats.ecat2018.face_markup`) is many times faster than parsing it.  Only what has ECAT's layout
+exactly, directly inside a marker list, is taken; everything else, and everything from the first comment, CDATA
 section, processing instruction or entity on, goes to the parser.  It gets line ends in place of what was
 taken, so that line numbers stay true.
 """
@@ -11,76 +10,17 @@ taken, so that line numbers stay true.
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache
-from itertools import accumulate, chain, pairwise
+from collections.abc import Callable, Iterable, Iterator
 
-import numpy as np
+from ecat.formats.ecat2018.face_markup import Run, read_markers
 
 _WS = rb"\r?\n *"
 _LIST = re.compile(
     rb"<markers(3d)?>" + _WS + rb'(?=<marker (?:type="LOCATION" )?frame="[0-9]{1,9}" glyphSize="[0-9]{1,2}">)'
 )
-_HEAD = {
-    2: re.compile(rb"(?:" + _WS + rb')?<marker type="LOCATION"'),
-    3: re.compile(rb"(?:" + _WS + rb")?<marker"),
-}
-_SIZE = re.compile(rb' glyphSize="([0-9]{1,2})">' + _WS + rb"<face>" + _WS)
-_CODE = rb"/bounding>" + _WS + rb"<code>([^<]+)</code>" + _WS + rb"</face>" + _WS
-_INNER = re.compile(_CODE + rb"<face>" + _WS)
-_LAST = re.compile(_CODE)
 _END = b"</marker>"
 _LONGEST_LIST_START = 512
 _LONGEST_MARKER = 1 << 16
-_MOST_KNOWN = _LONGEST_KNOWN = 4096
-
-
-@dataclass
-class Run:
-    """Markers that follow each other.
-
-    Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces);
-    per face the texts of its ``corners`` and its ``codes``, where a marker without faces has one empty text
-    in each. ``line(i)`` is the line of face ``i`` of the run, found only when an error needs it.
-    """
-
-    line: Callable[[int], int]
-    frames: Sequence[int]
-    sizes: Sequence[int]
-    counts: Sequence[int]
-    corners: Sequence[bytes]
-    codes: Sequence[bytes]
-
-
-def join_runs(runs: Sequence[Run]) -> Run:
-    """Runs that follow each other as one."""
-    if len(runs) == 1:
-        return runs[0]
-    starts = [0, *accumulate(len(run.corners) for run in runs)]
-
-    def line(i: int) -> int:
-        k = bisect_right(starts, i) - 1
-        return runs[k].line(i - starts[k])
-
-    names = ("frames", "sizes", "counts", "corners", "codes")
-    return Run(line, *(list(chain.from_iterable(getattr(run, name) for run in runs)) for name in names))
-
-
-class _Known(dict[bytes, bytes | None]):
-    """Texts met so far and what stands in them, or ``None`` for those that are not of the layout."""
-
-    def __init__(self, layout: re.Pattern[bytes]) -> None:
-        super().__init__()
-        self._layout = layout
-
-    def __missing__(self, text: bytes) -> bytes | None:
-        found = self._layout.fullmatch(text)
-        value = None if found is None else found.group(self._layout.groups)
-        if len(self) < _MOST_KNOWN and len(text) < _LONGEST_KNOWN:
-            self[text] = value
-        return value
 
 
 class FaceScanner:
@@ -100,10 +40,6 @@ class FaceScanner:
         self._line = 1
         self._dimensions = 0  # of the list that the buffer starts in; 0 outside of lists
         self._off = False
-        self._heads = {dimensions: _Known(layout) for dimensions, layout in _HEAD.items()}
-        self._sizes = _Known(_SIZE)
-        self._inner = _Known(_INNER)
-        self._last = _Known(_LAST)
 
     def cut(self, pieces: Iterable[bytes]) -> Iterator[bytes]:
         """The document without the faces that were taken."""
@@ -158,49 +94,13 @@ class FaceScanner:
 
     def _take_all(self, whole: bytes) -> int | None:
         """Hand over complete markers; or only say how many there are before one that is laid out in another way."""
-        head, *faces = whole.split(b"<bounding>")
-        inner, last = self._inner, self._last
-        corners: list[bytes] = []
-        codes: list[bytes] = []
-        starts, ends = [head], [0]
-        # loops, not comprehensions: tuples that live on would have the garbage collector look through everything
-        for face in faces:
-            points, _, after = face.partition(b"<")
-            code, end, start = after.partition(_END)
-            cells = last[code] if end else inner[code]
-            if cells is None:
-                return len(ends) - 1
-            corners.append(points)
-            codes.append(cells)
-            if end:
-                ends.append(len(corners))
-                starts.append(start)
-        rest = starts.pop()  # what follows the last end tag
-        frames, sizes = self._heads_of(starts)
-        if rest or len(frames) < len(starts):
-            return len(frames)
-        if frames:
-            first_line, lines = self._line, _lines_of_faces(whole)
-            counts = [b - a for a, b in pairwise(ends)]
-            self._take(
-                self._dimensions, Run(lambda i: first_line + lines(i), frames, sizes, counts, corners, codes)
-            )
+        if not whole:
+            return None
+        run = read_markers(whole, self._dimensions, self._line)
+        if isinstance(run, int):
+            return run
+        self._take(self._dimensions, run)
         return None
-
-    def _heads_of(self, texts: list[bytes]) -> tuple[list[int], list[int]]:
-        """Frames and sizes of the markers that start with ``texts``, up to one that is laid out in another way."""
-        known, known_sizes = self._heads[self._dimensions], self._sizes
-        frames: list[int] = []
-        sizes: list[int] = []
-        for text in texts:
-            start, _, after = text.partition(b' frame="')
-            frame, _, kind = after.partition(b'"')
-            size = known_sizes[kind]
-            if size is None or known[start] is None or not frame.isdigit() or len(frame) > 9:
-                break
-            frames.append(int(frame))
-            sizes.append(int(size))
-        return frames, sizes
 
 
 def _may_hide_faces(before: bytes, piece: bytes) -> bool:
@@ -215,14 +115,3 @@ def _may_start_marker(rest: bytes) -> bool:
     """Whether what follows an end tag may be, or become, another marker."""
     rest = rest.lstrip(b"\r\n ")
     return rest.startswith(b"<marker ") or b"<marker ".startswith(rest)
-
-
-def _lines_of_faces(markers: bytes) -> Callable[[int], int]:
-    """Line ends before each face, counted when the first is asked for."""
-
-    @cache
-    def lines() -> list[int]:
-        ends = np.flatnonzero(np.frombuffer(markers, np.uint8) == ord("\n"))
-        return np.searchsorted(ends, [face.start() for face in re.finditer(b"<face>", markers)]).tolist()
-
-    return lambda i: lines()[i]

@@ -12,7 +12,7 @@ standing for 0.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -133,7 +133,8 @@ class _Reader:
         self._events: list[Event] = []
         self._relations: list[Relation] = []
         self._links: list[Relation] = []
-        self._ids: dict[str, set[str]] = {"object": set(), "event": set()}
+        # the ids given out, and the suffix that the last thing with the same one got
+        self._ids: dict[str, dict[str, int]] = {"object": {}, "event": {}}
         self._sections: list[str] = []
         self._counters: dict[str, int] = {}
         self._handlers: dict[str, Callable[[Element], None]] = {
@@ -160,7 +161,7 @@ class _Reader:
         read = self.markers.finish()
         links, layout = object_links(element, object_id, self._what)
         two, three = (self._in_order(read.key_frames[dimensions], object_id) for dimensions in (2, 3))
-        made = object_of(element, object_id, two, three, (*read.notes, *layout))
+        made = object_of(element, object_id, two, three, (*read.notes, *layout), what=self._what)
         self._objects.append(made)
         self._links += links
         for dimensions, target in ((2, self.result.faces_2d), (3, self.result.faces_3d)):
@@ -185,11 +186,13 @@ class _Reader:
     def _new_id(self, kind: str, element: Element) -> str:
         """The id that a thing gets: its own, with a suffix if one before it has the same."""
         own = element.get("id") or f"line{element.sourceline}"
-        used, made, count = self._ids[kind], own, 1
+        used, made = self._ids[kind], own
+        count = used.get(own, 1)
         while made in used:
             count += 1
             made = f"{own}~{count}"
-        used.add(made)
+        used[own] = count
+        used.setdefault(made, 1)
         if made != element.get("id"):
             why = "is used twice" if element.get("id") else "is missing"
             self._odd(
@@ -211,7 +214,7 @@ class _Reader:
         self.result.files.append(element.text or "")
 
     def _section(self, element: Element) -> None:
-        parent, tag, said = element.getparent(), tag_of(element), attributes_of(element)
+        parent, tag, said = element.getparent(), tag_of(element), attributes_of(element, self._what)
         if parent is None or parent.tag != "session":
             return  # <events> inside an annotation is read with it
         self._sections.append(tag)
@@ -238,7 +241,7 @@ class _Reader:
                 self._what, f"line {root.sourceline}: a <session> inside of an element", "check the file"
             )
         self.is_session = True
-        result, said = self.result, attributes_of(root)
+        result, said = self.result, attributes_of(root, self._what)
         result.name = said.get("name", "")
         if "name" not in said or list(said) != [name for name in SESSION_ATTRIBUTES if name in said]:
             result.foreign["attributes"] = ",".join(said)
@@ -293,7 +296,7 @@ class _Reader:
         )
 
 
-def _highest(ids: set[str], letter: str) -> int:
+def _highest(ids: Iterable[str], letter: str) -> int:
     """The highest number that was used in ids of the form ``o12``."""
     found = (re.fullmatch(letter + "([0-9]{1,9})", i) for i in ids)
     return max((int(match.group(1)) for match in found if match), default=0)

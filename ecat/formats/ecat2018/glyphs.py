@@ -76,7 +76,8 @@ def write_glyph(cells: ArrayLike, *, newline: str = "\n") -> bytes:
     """The file of a pattern (5 x 5 cells of 0 and 1), without a final line end."""
     pattern = np.asarray(cells)
     if pattern.shape != (_SIZE, _SIZE) or not np.isin(pattern, (0, 1)).all():
-        raise UsageError("cannot write the glyph", where=f"expected {_SIZE} x {_SIZE} cells of 0 and 1")
+        fix = f"give {_SIZE} x {_SIZE} cells of 0 and 1"
+        raise UsageError("cannot write the glyph", where=f"cells of shape {pattern.shape}", fix=fix)
     return newline.join("".join(map(str, row)) for row in pattern.astype(int).tolist()).encode()
 
 
@@ -89,7 +90,9 @@ def code_of(glyph_id: int) -> Cells:
     """The pattern of a shipped glyph, as its file holds it; `NotFoundError` for other ids."""
     if glyph_id not in GLYPHS:
         known = ", ".join(map(str, sorted(GLYPHS)))
-        raise NotFoundError(f"no glyph {glyph_id}", where=f"the shipped glyphs are {known}")
+        raise NotFoundError(
+            f"no glyph {glyph_id}", where=f"the shipped glyphs are {known}", fix="name one of them"
+        )
     digits = np.frombuffer(_CODES[GLYPHS[glyph_id]].encode(), dtype=np.uint8)
     return (digits - ord("0")).reshape(_SIZE, _SIZE)
 

@@ -57,7 +57,7 @@ def key_frame_of(element: Element, dimensions: int, what: str, bad: Callable[[st
     FormatError : no frame, an unknown type, or elements inside.
     """
     line = element.sourceline or 0
-    said = attributes_of(element)
+    said = attributes_of(element, what)
     number = frame_number(said.get("frame"), what, line)
     text = element.text or ""
     kind = said.get("type")

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 
+import numpy as np
+import pyarrow as pa
+
 from ecat.formats.ecat2018.elements import attributes_of, fact, frame_number, refused, small_number, tag_of
-from ecat.formats.ecat2018.face_scanner import Run
+from ecat.formats.ecat2018.face_markup import Run
 from ecat.formats.ecat2018.key_frames import key_frame_of
 from ecat.formats.ecat2018.marks import CodeBook, Faces, refuse_marker
 from ecat.formats.ecat2018.xml_input import Element
@@ -37,7 +40,14 @@ class _Waiting:
     lines: list[int] = field(default_factory=list[int])
 
     def run(self) -> Run:
-        return Run(self.lines.__getitem__, self.frames, self.sizes, self.counts, self.corners, self.codes)
+        return Run(
+            self.lines.__getitem__,
+            np.array(self.frames, np.int32),
+            np.array(self.sizes, np.int32),
+            np.array(self.counts, np.int32),
+            pa.array(self.corners, pa.binary()),
+            pa.array(self.codes, pa.binary()),
+        )
 
 
 class MarkerReader:
@@ -106,7 +116,7 @@ class MarkerReader:
             self._read.notes.append(fact("layout", "flat"))
 
     def _take_box(self, element: Element) -> None:
-        line, said = element.sourceline or 0, attributes_of(element)
+        line, said = element.sourceline or 0, attributes_of(element, self._what)
         frame = frame_number(said.get("frame"), self._what, line)
         size = small_number(said.get("glyphSize", "5"))
         if (

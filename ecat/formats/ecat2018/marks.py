@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from ecat.errors import FormatError
-from ecat.formats.ecat2018.face_scanner import Run, join_runs
+from ecat.formats.ecat2018.face_markup import Run, join_runs
 from ecat.formats.ecat2018.lexical import USUAL_NUMBERS, format_code, missing_corners, parse_code
 from ecat.formats.ecat2018.number_text import parse_floats
 
@@ -87,6 +88,22 @@ class FaceColumns:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Texts:
+    """Texts of which many are alike: the ``distinct`` ones, and for each text its position among them."""
+
+    distinct: list[bytes]
+    index: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, texts: pa.Array[Any]) -> _Texts:
+        found: Any = texts.dictionary_encode()
+        return cls(found.dictionary.to_pylist(), found.indices.to_numpy())
+
+    def __getitem__(self, i: int) -> bytes:
+        return self.distinct[self.index[i]]
+
+
 @dataclass
 class Faces:
     """The faces of one object in one of its two lists, as they come.
@@ -148,39 +165,35 @@ class Faces:
             return
         run = join_runs(self._waiting)
         self._waiting, self._n_waiting = [], 0
-        counts = np.array(run.counts, np.int32)
-        rows = np.maximum(counts, 1)
+        rows = np.maximum(run.counts, 1)
         starts = np.cumsum(rows) - rows
         orders = np.arange(rows.sum(), dtype=np.int32) - np.repeat(starts, rows).astype(np.int32)
-        orders[starts[counts == 0]] = -1
-        frames, sizes = (np.repeat(np.array(numbers, np.int32), rows) for numbers in (run.frames, run.sizes))
+        orders[starts[run.counts == 0]] = -1
+        frames, sizes = np.repeat(run.frames, rows), np.repeat(run.sizes, rows)
 
         def place(i: int) -> str:
             marker = int(np.searchsorted(starts, i, side="right")) - 1
             return f"line {run.line(i)}, <face> {orders[i] + 1} of frame {run.frames[marker]}"
 
-        codes = self._codes(run.codes, sizes, orders, place)
-        corners = self._corners(run.corners, orders, place)
+        codes = self._codes(_Texts.of(run.codes), sizes, orders, place)
+        corners = self._corners(_Texts.of(run.corners), orders, place)
         self._parts.append(FaceColumns(frames, orders, sizes, codes, corners))
         self._n_done += len(orders)
 
     def _codes(
-        self, texts: Sequence[bytes], sizes: NDArray[np.int32], orders: NDArray[np.int32], place: Place
+        self, texts: _Texts, sizes: NDArray[np.int32], orders: NDArray[np.int32], place: Place
     ) -> NDArray[np.int32]:
-        of_size = {size: self.book.of_size(size) for size in set(sizes.tolist())}
-        if len(of_size) == 1:  # as in every real file
-            ((size, known),) = of_size.items()
-            for text in dict.fromkeys(texts):
+        numbers = np.full(len(sizes), -1, np.int32)
+        for size in np.unique(sizes).tolist():  # one, in every real file
+            known = self.book.of_size(size)
+            for text in texts.distinct:
                 if text not in known:
                     self.book.learn(text, size)
-            numbers = list(map(known.get, texts))
-        else:
-            numbers = [of_size[size].get(text) for text, size in zip(texts, sizes.tolist(), strict=True)]
-        if None in numbers:
-            for i, number in enumerate(numbers):
-                if number is None:
-                    numbers[i] = self._code(texts[i], int(sizes[i]), i, place) if orders[i] >= 0 else -1
-        return np.array(numbers, np.int32)
+            of_text = np.array([known.get(text, -1) for text in texts.distinct], np.int32)
+            numbers = np.where(sizes == size, of_text[texts.index], numbers)
+        for i in np.flatnonzero((numbers < 0) & (orders >= 0)).tolist():
+            numbers[i] = self._code(texts[i], int(sizes[i]), i, place)
+        return np.where(orders >= 0, numbers, -1).astype(np.int32)
 
     def _code(self, text: bytes, size: int, i: int, place: Place) -> int:
         known = self.book.of_size(size).get(text)
@@ -193,10 +206,16 @@ class Faces:
             number = self.book.keep(text)
         return number
 
-    def _corners(
-        self, texts: Sequence[bytes], orders: NDArray[np.int32], place: Place
-    ) -> NDArray[np.float64]:
-        values = self._numbers(texts, orders, place)
+    def _corners(self, texts: _Texts, orders: NDArray[np.int32], place: Place) -> NDArray[np.float64]:
+        values = self._numbers(texts.distinct)
+        if values is None:
+            rows = [
+                self._row(texts[i], i, place) if orders[i] >= 0 else self._missing()
+                for i in range(len(orders))
+            ]
+            values = np.array(rows).reshape(len(rows), self.width)
+        else:
+            values = values[texts.index]
         if self.dimensions == 2:
             infinite = ~np.isfinite(values)
             unusual = infinite.any(axis=1)
@@ -205,17 +224,18 @@ class Faces:
             missing, unusual = missing_corners(values.reshape(-1, 4, 3))
             values *= np.tile(KINECT_TO_CAMERA, 4)
             values.reshape(-1, 4, 3)[missing] = np.nan
-        usual = pc.match_substring_regex(pa.array(texts).cast(pa.string(), safe=False), USUAL_NUMBERS)
-        for i in np.flatnonzero((unusual | ~np.array(usual)) & (orders >= 0)).tolist():
+        distinct: Any = pa.array(texts.distinct, pa.binary()).cast(pa.string(), safe=False)
+        usual = np.array(pc.match_substring_regex(distinct, USUAL_NUMBERS))
+        for i in np.flatnonzero((unusual | ~usual[texts.index]) & (orders >= 0)).tolist():
             self.corner_texts[self._n_done + i] = plain_text(texts[i])
         return values
 
-    def _numbers(
-        self, texts: Sequence[bytes], orders: NDArray[np.int32], place: Place
-    ) -> NDArray[np.float64]:
-        """The texts as (n, width) numbers; by Arrow when all are well-formed, else one by one."""
+    def _numbers(self, texts: Sequence[bytes]) -> NDArray[np.float64] | None:
+        """The texts as (n, width) numbers, by Arrow; None when one of them is not well-formed."""
         names = [str(i) for i in range(self.width)]
-        lines = b"\n".join(texts).replace(b"\xe2\x88\x9e", b"inf")
+        lines = b"\n".join(texts)
+        if b"\xe2" in lines:  # one byte is found much faster than three
+            lines = lines.replace(b"\xe2\x88\x9e", b"inf")
         try:
             table = csv.read_csv(
                 io.BytesIO(lines),
@@ -224,13 +244,10 @@ class Faces:
                 csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[]),
             )
         except pa.ArrowInvalid:
-            table = None
-        if table is not None and table.num_rows == len(texts):
-            return np.column_stack([column.to_numpy() for column in table.columns])
-        rows = [
-            self._row(text, i, place) if orders[i] >= 0 else self._missing() for i, text in enumerate(texts)
-        ]
-        return np.array(rows).reshape(len(texts), self.width)
+            return None
+        if table.num_rows != len(texts):
+            return None
+        return np.column_stack([column.to_numpy() for column in table.columns])
 
     def _missing(self) -> NDArray[np.float64]:
         return np.full(self.width, np.nan)

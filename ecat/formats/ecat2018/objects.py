@@ -47,9 +47,11 @@ def object_of(
     key_frames: tuple[KeyFrame, ...],
     key_frames_3d: tuple[KeyFrame, ...],
     foreign: Iterable[Foreign],
+    *,
+    what: str,
 ) -> AnnotatedObject:
     """An ``<object>`` whose markers were read before.  Where the file has no shape, its first marker may have one."""
-    said = attributes_of(element)
+    said = attributes_of(element, what)
     texts = {name: said.get(name, "") for name in _FIELDS}
     if "shape" not in said and key_frames:
         texts["shape"] = kept(key_frames[0].foreign, "@shape") or ""

@@ -55,7 +55,9 @@ def read_project_list(source: Path | bytes) -> ProjectList:
 def write_project_list(projects: ProjectList) -> bytes:
     """The file; real lists come back byte for byte."""
     if any(projects.newline in name for name in projects.names):
-        raise UsageError("cannot write the project list", where="a session name holds a line end")
+        raise UsageError(
+            "cannot write the project list", where="a name has a line end in it", fix="rename the session"
+        )
     text = projects.newline.join(projects.names)
     return (text + projects.newline * bool(projects.final_newline and projects.names)).encode()
 

@@ -29,7 +29,7 @@ def relation_of(element: Element, what: str) -> Relation:
     ------
     FormatError : it has no frame.
     """
-    said = attributes_of(element)
+    said = attributes_of(element, what)
     number = frame_number(said.get("frame"), what, element.sourceline or 0)
     predicate, turned = predicate_of(said.get("type", ""))
     ids = said["ids"].split(",") if said.get("ids") else []
@@ -107,15 +107,15 @@ def object_links(element: Element, object_id: str, what: str) -> tuple[list[Rela
     for link in links:
         number = frame_number(link.get("frame"), what, link.sourceline or 0)
         targets = link.findall("linkTo")
-        relations += [_linked(to, tag_of(link), object_id, number - 1) for to in targets]
+        relations += [_linked(to, tag_of(link), object_id, number - 1, what) for to in targets]
         spans.append(f"{number}:{len(targets)}")
     if wrapper is None and not links:
         return [], []
     return relations, [fact("spatialLinks" if wrapper is None else "links", ",".join(spans))]
 
 
-def _linked(to: Element, tag: str, object_id: str, start_frame: int) -> Relation:
-    said = attributes_of(to)
+def _linked(to: Element, tag: str, object_id: str, start_frame: int, what: str) -> Relation:
+    said = attributes_of(to, what)
     target = said.get("id")
     if "otherSession" in said:
         target = f"{said['otherSession']}/{target or ''}"

@@ -242,7 +242,9 @@ def frames_nearest(t_ns: NDArray[np.int64], frame_t_ns: NDArray[np.int64]) -> ND
     frame_t_ns : int64[frames], times of the video's frames on the same clock, not decreasing.
     """
     if not len(frame_t_ns):
-        raise UsageError("cannot align the skeletons", where="the video has no frames")
+        raise UsageError(
+            "cannot align the skeletons", where="the video has no frames", fix="give their times"
+        )
     after = np.clip(np.searchsorted(frame_t_ns, t_ns), 1, max(1, len(frame_t_ns) - 1))
     before = after - 1
     after = np.minimum(after, len(frame_t_ns) - 1)
@@ -264,7 +266,8 @@ def frames_as_ecat(
     start, duration_ms, length : start of recording, duration and number of frames of the session.
     """
     if duration_ms <= 0 or length <= 0:
-        raise UsageError("cannot align the skeletons", where=f"{length} frames in {duration_ms} ms")
+        where = f"{length} frames in {duration_ms} ms"
+        raise UsageError("cannot align the skeletons", where=where, fix="give more than none of both")
     elapsed_us = (recorded_at.astype("M8[us]") - start.astype("M8[us]")).astype(np.int64)
     frame = np.trunc(np.trunc(elapsed_us / 1000) / (duration_ms / length)) + 1
     return np.clip(frame, -(2**31), 2**31 - 1).astype(np.int32)
@@ -322,7 +325,9 @@ def write_rig(joints: pa.Table, scheme: BodyScheme = KINECT_V2) -> Iterator[byte
         joints.num_rows // n
     ):
         raise UsageError(
-            "cannot write the rig file", where="a record does not have the scheme's joints in order"
+            "cannot write the rig file",
+            where="a record does not have the scheme's joints in order",
+            fix="give each record all joints of the scheme, in its order",
         )
     for start in range(0, joints.num_rows, n * BATCH_RECORDS):
         rows = joints.slice(start, n * BATCH_RECORDS)

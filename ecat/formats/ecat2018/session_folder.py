@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ecat.errors import FormatError, os_error
+from ecat.errors import FormatError, InputError, os_error
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write_body_scheme
 from ecat.formats.ecat2018.depth_file import DepthFile
 from ecat.formats.ecat2018.elements import PREFIX, small_number
@@ -57,7 +57,7 @@ def draft_of(folder: Path, options: ImportOptions, findings: list[str]) -> Draft
     if (folder / LEFTOVER).exists():
         said.findings.append(f"{LEFTOVER} is left of an interrupted save; not imported")
     streams, sources = _streams(folder, said)
-    joints = _joints(folder, said)
+    joints = _joints(folder, said, streams)
     manifest = _manifest(folder, said, streams, is_kinect=bool(said.faces_3d or joints))
     if file.exists():
         manifest = _noted(file, said, manifest)
@@ -136,13 +136,13 @@ def _streams(folder: Path, said: SessionFile) -> tuple[tuple[Stream, ...], dict[
     if listed != said.files:
         said.findings.append("a file is listed twice")
         said.foreign["files"] = "\n".join(said.files)
-    there = _files_in(folder, said)
-    others = [name for name in there if name not in listed and name not in (SESSION_FILE, LEFTOVER)]
+    there, known = _files_in(folder, said), {*listed, SESSION_FILE, LEFTOVER}
+    others = [name for name in there if name not in known]
     if others:
         said.foreign["unlisted"] = "\n".join(others)
     streams: list[Stream] = []
     sources: dict[str, Path] = {}
-    taken: set[str] = set()
+    taken: dict[str, int] = {}
     for name in (*listed, *others):
         path = _inside(folder, name)
         target = _target(name, taken)
@@ -209,19 +209,23 @@ def _files_in(folder: Path, said: SessionFile) -> list[str]:
     return [path.name for path in there if path.is_file()]
 
 
-def _target(name: str, taken: set[str]) -> str:
-    """The name of a file in ``media/``: its own last part, as any file system can have it, told apart from others."""
+def _target(name: str, taken: dict[str, int]) -> str:
+    """The name of a file in ``media/``: its own last part, as any file system can have it, told apart from others.
+
+    ``taken`` has the names given out, and the number that the last file of the same name got.
+    """
     base = re.sub(r"[^\w .@+()~-]", "_", re.split(r"[\\/]", name)[-1]) or "file"
-    target, count = base, 1
+    target, count = base, taken.get(base.lower(), 1)
     while target.lower() in taken:
         count += 1
         target = f"{count}_{base}"
-    taken.add(target.lower())
+    taken[base.lower()] = count
+    taken.setdefault(target.lower(), 1)
     return target
 
 
-def _joints(folder: Path, said: SessionFile) -> TableData | None:
-    """The skeletons of the session's rigs, on the video's frames (nearest in time)."""
+def _joints(folder: Path, said: SessionFile, streams: Sequence[Stream]) -> TableData | None:
+    """The skeletons of the session's rig files, on the video's frames (nearest in time)."""
     parts: list[pa.Table] = []
     rigs: dict[str, pa.Table] = {}
     for thing in said.layer.objects:
@@ -233,25 +237,44 @@ def _joints(folder: Path, said: SessionFile) -> TableData | None:
             continue
         if source.name not in rigs:
             scheme_file = _inside(folder, re.split(r"[\\/]", values.get("sourceScheme", ""))[-1])
-            scheme = read_body_scheme(scheme_file) if scheme_file is not None else KINECT_V2
-            rig = read_rig(source, scheme)
-            said.findings += [f"{source.name}: {finding}" for finding in rig.findings]
-            rigs[source.name] = rig.joints
+            rigs[source.name] = _rig(source, scheme_file, said)
         body = small_number(values.get("rigIndex"))
         rows = rigs[source.name]
         if body is not None:
             rows = rows.filter(pc.equal(rows["body"], pa.scalar(body, pa.int32())))
-        if rows.num_rows:
-            parts.append(_on_frames(rows, thing.id, said))
+        parts.append(_on_frames(rows, thing.id, said))
+    for stream in streams:
+        source = _inside(folder, PurePosixPath(stream.name).name)
+        if stream.kind == "skeleton" and stream.present and source is not None and source.name not in rigs:
+            # recorded, but nobody made objects of it
+            try:
+                rigs[source.name] = _rig(source, None, said)
+            except InputError as error:
+                said.findings.append(f"{source.name}: copied, but not read: {error.where}")
+            else:
+                parts.append(_on_frames(rigs[source.name], None, said))
+    parts = [part for part in parts if part.num_rows]
     if not parts:
         return None
     return TableData(data=pa.concat_tables(parts).sort_by([("frame", "ascending"), ("body", "ascending")]))
 
 
-def _on_frames(rows: pa.Table, object_id: str, said: SessionFile) -> pa.Table:
-    times = [said.clock.t_ns(frame, said.n_frames) for frame in range(said.n_frames)]
-    if times and times[0] is not None and rows["t_ns"].null_count == 0:
-        frames = frames_nearest(np.asarray(rows["t_ns"]), np.array(times, np.int64))
+def _rig(source: Path, scheme_file: Path | None, said: SessionFile) -> pa.Table:
+    rig = read_rig(source, read_body_scheme(scheme_file) if scheme_file is not None else KINECT_V2)
+    said.findings += [f"{source.name}: {finding}" for finding in rig.findings]
+    return rig.joints
+
+
+def _on_frames(rows: pa.Table, object_id: str | None, said: SessionFile) -> pa.Table:
+    clock, n_frames = said.clock, said.n_frames
+    if clock.duration_ns and n_frames > 1 and rows["t_ns"].null_count == 0:
+        times = np.asarray(rows["t_ns"])
+        # the frames around each time: a video may claim to have more frames than memory can hold
+        about = np.clip(times / clock.duration_ns, -1, 2) * (n_frames - 1)
+        near = np.unique(
+            np.clip(np.add.outer(np.rint(about), [-2, -1, 0, 1, 2]), 0, n_frames - 1).astype(np.int64)
+        )
+        frames = near[frames_nearest(times, np.array(clock.times_ns(near.tolist(), n_frames), np.int64))]
     else:
         frames = np.asarray(rows["counter"]).astype(np.int32) - 1
     n = rows.num_rows

@@ -23,6 +23,8 @@ from ecat.model import ProjectManifest, Provenance
 from ecat.progress import Progress
 from ecat.store import (
     create_session,
+    files,
+    fill_session,
     find_sessions,
     open_project,
     open_session,
@@ -181,7 +183,12 @@ class _Import:
 
     def _make(self, node: Node, place: Path) -> list[str]:
         findings: list[str] = []
-        create_session(place, draft_of(node.path, self._options, findings))
+        files.make_folder(place)
+        try:
+            fill_session(place, draft_of(node.path, self._options, findings), place)
+        except InputError:
+            files.remove(place)  # the other sessions may be kept
+            raise
         return findings
 
     def _count(self, node: Node, made: Future[list[str]]) -> None:
@@ -226,7 +233,7 @@ class _Import:
             raise type(only)(
                 only.what, where=only.where, consequence=f"nothing was written to {dest}", fix=only.fix
             )
-        named = "\n  ".join(f"{error.what}: {error.where}" for error in self._failures[:_MANY])
+        named = tuple(f"{error.what}: {error.where}" for error in self._failures[:_MANY])
         raise FormatError(
             f"cannot import {len(self._failures)} of {self._total} sessions of {source}",
             where=named,

@@ -32,7 +32,8 @@ MAX_SIBLINGS = 4096
 MAX_SIBLINGS_OF_WHOLE = 100_000
 MAX_RECORD_TAGS = 1_000_000
 
-_CHUNK_BYTES = 1 << 18
+_CHUNK_BYTES = 1 << 20
+_FED_BYTES = 1 << 18
 _BOM = b"\xef\xbb\xbf"
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
 _FORBIDDEN = re.compile(rb"\x00|<!doctype|<!entity", re.IGNORECASE)
@@ -215,7 +216,9 @@ def parse_safe(source: Path | bytes, *, what: str, max_bytes: int | None = None)
         live += event == "start"
         if live > MAX_LIVE_ELEMENTS:
             raise LimitError(
-                what, where=f"line {element.sourceline}: more than {MAX_LIVE_ELEMENTS:,} elements"
+                what,
+                where=f"line {element.sourceline}: more than {MAX_LIVE_ELEMENTS:,} elements",
+                fix="check that this is the right file",
             )
     assert root is not None  # a document without a root is malformed
     return root
@@ -225,7 +228,11 @@ def required_attribute(element: Element, name: str, *, what: str) -> str:
     """The attribute's value; `FormatError` when it is missing."""
     value = element.get(name)
     if value is None:
-        raise FormatError(what, where=f"{place(element)}: attribute {name} is missing")
+        raise FormatError(
+            what,
+            where=f"{place(element)}: attribute {name} is missing",
+            fix="add it, or restore the file from a copy",
+        )
     return value
 
 
@@ -233,7 +240,11 @@ def required_child(element: Element, name: str, *, what: str) -> Element:
     """The first child of that name; `FormatError` when there is none."""
     child = element.find(name)
     if child is None:
-        raise FormatError(what, where=f"{place(element)}: element <{name}> is missing")
+        raise FormatError(
+            what,
+            where=f"{place(element)}: element <{name}> is missing",
+            fix="add it, or restore the file from a copy",
+        )
     return child
 
 
@@ -308,7 +319,9 @@ class _Feed:
 
     def _pieces(self) -> Iterator[bytes | None]:
         """What to feed the parser, and None at the end."""
-        for piece in self._checked() if self.cut is None else self.cut(self._checked()):
+        document = self._checked() if self.cut is None else self.cut(self._checked())
+        # what is fed at once becomes elements at once
+        for piece in (p[i : i + _FED_BYTES] for p in document for i in range(0, len(p), _FED_BYTES)):
             if self._max_record_bytes is not None:
                 self.record_bytes += len(piece)
                 self.record_tags += piece.count(b"<")
@@ -365,7 +378,11 @@ class _Feed:
         return FormatError(self._what, where=f"line {line}: {text}", fix="restore the file from a copy")
 
     def _too_deep(self, line: int | None) -> LimitError:
-        return LimitError(self._what, where=f"line {line}: elements nested deeper than {MAX_DEPTH}")
+        return LimitError(
+            self._what,
+            where=f"line {line}: elements nested deeper than {MAX_DEPTH}",
+            fix="check that this is the right file",
+        )
 
 
 def _check_head(head: bytes, what: str) -> bytes:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from lxml import etree
 
-from ecat.errors import FormatError
+from ecat.errors import FormatError, LimitError
 from ecat.formats.ecat2018.elements import (
+    MAX_ATTRIBUTES,
     attribute_facts,
     attributes_of,
     fact,
@@ -39,8 +40,17 @@ class TestNumbers:
 
 
 class TestAttributes:
+    def test_thousands_of_them_are_refused_at_once(self) -> None:
+        said = "<a {}/>".format(" ".join(f'x{i}="1"' for i in range(100 * MAX_ATTRIBUTES)))
+        with pytest.raises(LimitError, match="cannot import it") as caught:
+            attributes_of(etree.fromstring(said), "cannot import it")
+        assert caught.value.where == "line 1: 100,000 attributes, at most 1,000 are read"
+
     def test_those_of_other_namespaces_are_not_ours(self) -> None:
-        assert attributes_of(etree.fromstring('<a xmlns:x="u" b="1" x:c="2" d="3"/>')) == {"b": "1", "d": "3"}
+        assert attributes_of(etree.fromstring('<a xmlns:x="u" b="1" x:c="2" d="3"/>'), "") == {
+            "b": "1",
+            "d": "3",
+        }
 
     def test_the_usual_ones_in_their_order_need_no_facts(self) -> None:
         assert attribute_facts({"a": "1", "b": "2"}, ("a", "b"), ("a", "b")) == []

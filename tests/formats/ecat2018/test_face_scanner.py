@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice
+from typing import cast
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from ecat.formats.ecat2018.face_scanner import FaceScanner, Run, join_runs
+from ecat.formats.ecat2018.face_markup import Run
+from ecat.formats.ecat2018.face_scanner import FaceScanner
 from tests.formats.ecat2018.documents import CODE, CORNERS, POINTS, box, box_marker, document, face, obj
 
 Face = tuple[int, int, int, str, str]  # dimensions, frame, size, corners, code
@@ -28,8 +30,10 @@ def scanned(data: bytes, size: int = 1 << 18) -> tuple[list[Face], bytes]:
     faces: list[Face] = []
 
     def take(dimensions: int, run: Run) -> None:
-        corners, codes = iter(run.corners), iter(run.codes)
-        for frame, cells, count in zip(run.frames, run.sizes, run.counts, strict=True):
+        corners, codes = (iter(cast("list[bytes]", texts.to_pylist())) for texts in (run.corners, run.codes))
+        for frame, cells, count in zip(
+            run.frames.tolist(), run.sizes.tolist(), run.counts.tolist(), strict=True
+        ):
             texts = zip(islice(corners, count), islice(codes, count), strict=True)
             faces.extend((dimensions, frame, cells, corner.decode(), code.decode()) for corner, code in texts)
 
@@ -196,13 +200,6 @@ class TestLines:
         lines = SMALL.split("\n")
         found = [run.line(i) for run in runs for i in range(len(run.corners))]
         assert found == [number for number, line in enumerate(lines, 1) if "<face>" in line]
-
-    def test_joined_runs_know_the_lines_of_all(self) -> None:
-        first = Run(lambda i: 10 + i, [1], [5], [2], [b"a", b"b"], [b"c", b"d"])
-        second = Run(lambda i: 50 + i, [2], [5], [1], [b"e"], [b"f"])
-        run = join_runs([first, second])
-        assert [run.line(i) for i in range(3)] == [10, 11, 50]
-        assert (run.frames, run.counts, run.corners) == ([1, 2], [2, 1], [b"a", b"b", b"e"])
 
 
 def test_lists_of_another_layout_take_linear_time() -> None:

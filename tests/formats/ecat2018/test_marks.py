@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ecat.errors import FormatError
-from ecat.formats.ecat2018.face_scanner import Run
+from ecat.formats.ecat2018.face_markup import Run
 from ecat.formats.ecat2018.lexical import format_code
 from ecat.formats.ecat2018.marks import CodeBook, Faces
 from tests.formats.ecat2018.documents import CODE, CORNERS
@@ -22,11 +23,11 @@ def run(corners: Sequence[str], codes: Sequence[str] = (), frames: Sequence[int]
     codes = codes or [CODE] * n
     return Run(
         lambda i: 100 + i,
-        list(frames) or list(range(n)),
-        [size] * n,
-        [1] * n,
-        [text.encode() for text in corners],
-        [text.encode() for text in codes],
+        np.array(frames or range(n), np.int32),
+        np.full(n, size, np.int32),
+        np.ones(n, np.int32),
+        pa.array([text.encode() for text in corners], pa.binary()),
+        pa.array([text.encode() for text in codes], pa.binary()),
     )
 
 
@@ -161,11 +162,11 @@ def marker_run(*markers: tuple[int, int]) -> Run:
     filled = [count > 0 for _, count in markers for _ in range(max(count, 1))]
     return Run(
         lambda i: i,
-        [frame for frame, _ in markers],
-        [5] * len(markers),
-        [count for _, count in markers],
-        [CORNERS.encode() if full else b"" for full in filled],
-        [CODE.encode() if full else b"" for full in filled],
+        np.array([frame for frame, _ in markers], np.int32),
+        np.full(len(markers), 5, np.int32),
+        np.array([count for _, count in markers], np.int32),
+        pa.array([CORNERS.encode() if full else b"" for full in filled], pa.binary()),
+        pa.array([CODE.encode() if full else b"" for full in filled], pa.binary()),
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from ecat.errors import EcatError, ReadOnlyError
@@ -140,6 +142,11 @@ class TestStreams:
         back, _ = imported_and_back(session_folder(tmp_path, document(files=files, objects=RIG)), tmp_path)
         assert contents(back).keys() == {"files.param"}
 
+    def test_ten_thousand_files_of_one_name_are_told_apart_at_once(self, tmp_path: Path) -> None:
+        files = "".join(f"    <file>d{i}/x.avi</file>\n" for i in range(10_000))
+        made, _ = draft(session_folder(tmp_path, document(files=files)))
+        assert len({stream.name for stream in made.manifest.streams}) >= 10_000
+
 
 class TestFolders:
     def test_a_folder_without_a_session_file_is_an_empty_session(self, tmp_path: Path) -> None:
@@ -199,6 +206,30 @@ def rig_file() -> bytes:
 
 
 class TestRigs:
+    def test_skeletons_that_nobody_made_objects_of_are_read_all_the_same(self, tmp_path: Path) -> None:
+        made, findings = draft(session_folder(tmp_path, document(), rig_1__xml=rig_file()))
+        joints = made.tables["joints"].data
+        assert isinstance(joints, pa.Table)
+        assert joints.num_rows == 25
+        assert joints["object_id"].null_count == 25
+        assert not [line for line in findings if "rig_1.xml" in line]
+
+    def test_a_rig_file_that_nobody_refers_to_may_be_broken(self, tmp_path: Path) -> None:
+        made, findings = draft(session_folder(tmp_path, document(), rig_1__xml=b"<BodyDataSequence"))
+        assert "joints" not in made.tables
+        assert len([line for line in findings if line.startswith("rig_1.xml: copied, but not read")]) == 1
+
+    def test_a_video_of_any_length_takes_no_memory(self, tmp_path: Path) -> None:
+        said = document(objects=RIG).replace('length="', 'length="99999', 1)
+        folder = session_folder(tmp_path, said, rig_1__xml=rig_file())
+        tracemalloc.start()
+        made, _ = draft(folder)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert made.manifest.n_frames > 9_000_000
+        assert "joints" in made.tables
+        assert most < 32 << 20
+
     @pytest.mark.parametrize(("index", "rows"), [("3", 25), ("2", 0), ("²", 25), ("9" * 5000, 25), ("", 25)])
     def test_joints_are_those_of_the_rig_s_body(self, tmp_path: Path, index: str, rows: int) -> None:
         said = document(objects=RIG.replace('rigIndex="3"', f'rigIndex="{index}"'))
