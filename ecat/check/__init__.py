@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ecat.check.doctor import check, examine, repair
+from ecat.check.doctor import check, examine
 from ecat.check.finding import Finding, Patient
+from ecat.check.mend import Repairs, repair
 
-__all__ = ["Finding", "Patient", "check", "examine", "repair"]
+__all__ = ["Finding", "Patient", "Repairs", "check", "examine", "repair"]

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ecat.check.finding import Finding, Patient, error, some, warning
+from ecat.check.finding import Finding, Patient, error, note, some, warning
 
 GAP_STEPS = 1.5
 """A step between frame numbers counts as a gap above this many usual steps: half a step of slack for streams
@@ -26,6 +26,7 @@ cancels)."""
 LEAST_FPS, MOST_FPS = 1.0, 240.0
 """Cameras of people handling objects run at 15-120 frames per second; outside of these bounds the length or
 the duration is wrong (a duration in other units is off by a factor of a thousand)."""
+RATE_TOLERANCE = 0.02
 NS = 1e9
 
 
@@ -38,6 +39,19 @@ def recorded_clock(patient: Patient) -> Iterator[Finding]:
             "clock",
             "the clock is recorded, but there is no table frames with the recorded times",
         )
+
+
+def unmeasured_clock(patient: Patient) -> Iterator[Finding]:
+    """Without recorded times, gaps, drift and repetitions of frames cannot be seen; silence would not mean health."""
+    if patient.table("frames") is not None or patient.manifest.clock.rule == "recorded":
+        return
+    if patient.manifest.n_frames < 2:
+        return
+    if patient.manifest.clock.rule == "unknown":
+        message = "the times of frames are unknown"
+    else:
+        message = "times follow from the number of frames and the duration, as there is no table frames"
+    yield note("clock-unknown", "clock", f"{message}: gaps, drift and repeated frames were not looked for")
 
 
 def uniform_clock(patient: Patient) -> Iterator[Finding]:
@@ -110,14 +124,22 @@ def _gaps(
 
 
 def stream_drift(patient: Patient) -> Iterator[Finding]:
-    """The offset between two streams at the same frame stays what it was at the start."""
+    """The offset between two streams at the same frame stays what it was at the start.
+
+    A stream may have a frame for every second, third ... frame of the fastest one.
+    """
     streams = sorted(_streams(patient).items(), key=lambda item: -len(item[1][0]))
     if len(streams) < 2:
         return
     reference, (t0, frame0) = streams[0]
     period = float(np.median(np.diff(t0))) if len(t0) > 1 else 0.0
+    if period <= 0:  # findings of its own
+        return
     for name, (t, frame) in streams[1:]:
-        common, i, j = np.intersect1d(frame0, frame, return_indices=True)
+        every = float(np.median(np.diff(t))) / period if len(t) > 1 else 1.0
+        if round(every) < 1 or abs(every / round(every) - 1) > RATE_TOLERANCE:
+            continue  # their frames do not belong together
+        common, i, j = np.intersect1d(frame0, frame * round(every), return_indices=True)
         if len(common) < 2 / DRIFT_SHARE:
             continue
         offset = (t[j] - t0[i]).astype(float)
@@ -148,4 +170,4 @@ def frame_counts(patient: Patient) -> Iterator[Finding]:
         yield error("dangling-stream", "table frames", message)
 
 
-CLOCK = (recorded_clock, uniform_clock, stream_frames, stream_drift, frame_counts)
+CLOCK = (recorded_clock, unmeasured_clock, uniform_clock, stream_frames, stream_drift, frame_counts)

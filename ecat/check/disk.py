@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from ecat import process
 from ecat.check.finding import Finding, error, warning
 from ecat.errors import EcatError, SchemaError
 from ecat.model import Layer, LayerRecord
 from ecat.store import Fault, Session, files, leftovers, validate
-from ecat.store.manifest import layer_file
+from ecat.store.manifest import layer_file, table_file
 from ecat.store.xml import MAX_BYTES, layer_from_xml
-from ecat.tables import PUBLISHED
+from ecat.tables import PUBLISHED, TABLES
 
 PUBLISHED_NAMES = frozenset(schema.name for schema in PUBLISHED)
 REPUBLISH = "publish the tables of the annotations anew"
 ADOPT = "take the edit over and publish its tables anew"
 REMOVE = "remove it"
+RERUN = "run the stage that made it again"
 
 
 def left_over(folder: Path, seen: set[Path]) -> Iterator[Finding]:
@@ -45,8 +47,13 @@ def read_layers(session: Session) -> tuple[dict[str, Layer], list[Finding]]:
                 message = damage.where.partition(": ")[2] or damage.what
                 findings.append(error("layer-edited", place, message, ADOPT))
     if len(layers) < len(session.manifest.layers):
-        findings = [replace(finding, repair="") for finding in findings]  # publishing needs all of them
+        findings = unrepairable(findings)
     return layers, findings
+
+
+def unrepairable(findings: Iterable[Finding]) -> list[Finding]:
+    """The findings of a session some layer of which cannot be read: publishing needs all of them."""
+    return [replace(f, repair="") if f.repair in {ADOPT, REPUBLISH} else f for f in findings]
 
 
 def _edited(session: Session, record: LayerRecord) -> Layer:
@@ -61,25 +68,53 @@ def _unreadable(record: LayerRecord, reason: EcatError) -> Iterator[Finding]:
         yield error("layer-unreadable", f"layer {record.name}", problem)
 
 
-def stale_tables(session: Session) -> Iterator[Finding]:
-    """Tables made from annotations or tables that have changed since."""
+def published_tables(session: Session) -> Iterator[Finding]:
+    """Tables of the annotations that are not those of the layers as they are."""
     manifest = session.manifest
     layers = {record.name: record.sha256 for record in manifest.layers}
-    for record in manifest.tables:
-        if record.name in PUBLISHED_NAMES and record.inputs != layers:
+    for name in sorted(PUBLISHED_NAMES):
+        record = manifest.table(name)
+        if record is None:
+            message = "session.json does not list it, though every session has it"
+            yield error("table-missing", f"table {name}", message, REPUBLISH)
+        elif record.inputs != layers:
             message = "it was made from other revisions of the annotations"
-            yield error("table-stale", f"table {record.name}", message, REPUBLISH)
-    if all(record.name in PUBLISHED_NAMES or not record.stage for record in manifest.tables):
-        return
-    from ecat import process
+            yield error("table-stale", f"table {name}", message, REPUBLISH)
 
+
+def unlisted_tables(session: Session) -> Iterator[Finding]:
+    """Files of tables that the manifest does not know, so that nothing reads them."""
+    known = {record.name for record in session.manifest.tables} | PUBLISHED_NAMES
+    for name in sorted(TABLES.keys() - known):
+        if (session.path / table_file(name)).is_file():
+            message = f"{table_file(name)} is there, but session.json does not list it: nothing reads it"
+            yield error("table-unlisted", f"table {name}", message)
+
+
+def stale_tables(session: Session, known: list[Finding]) -> Iterator[Finding]:
+    """Tables that their stage would make otherwise now, save for those of ``known`` findings."""
+    explained = {finding.place for finding in known}
     try:
         for name, changed in process.stale_tables(session):
-            yield warning(
-                "table-stale", f"table {name}", f"it was made from an older {changed}; run ecat process"
-            )
+            if f"table {name}" not in explained:
+                message = f"changed since it was made: {changed}"
+                yield warning("table-stale", f"table {name}", message, RERUN)
     except EcatError:
-        return  # a table that cannot be read is a finding of its own
+        return  # what cannot be read is a finding of its own
+
+
+def irregular_streams(session: Session) -> Iterator[Finding]:
+    """Recorded files that are no files: folders, pipes, devices."""
+    for file in dict.fromkeys(stream.file for stream in session.manifest.streams if stream.present):
+        path = session.path / file
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a pipe or a device"
+            yield error("stream-damaged", _stream_place(session, file), f"{file} is {what}, not a file")
+
+
+def _stream_place(session: Session, file: str) -> str:
+    names = [stream.name for stream in session.manifest.streams if stream.file == file]
+    return f"stream {', '.join(names)}"
 
 
 def damaged_files(session: Session, known: list[Finding], *, deep: bool) -> Iterator[Finding]:
@@ -96,15 +131,14 @@ def damaged_files(session: Session, known: list[Finding], *, deep: bool) -> Iter
 def _damage(session: Session, fault: Fault) -> Finding:
     # the error of the store begins with the path, which `place` says already
     message = fault.problem.removeprefix(f"{session.path / fault.file}: ")
+    made_by = process.made_by(session)
     for table in session.manifest.tables:
         if table.file == fault.file:
             place = f"table {table.name}"
             if table.name in PUBLISHED_NAMES:
                 return error("table-damaged", place, message, REPUBLISH)
-            way_out = f"; make it anew: ecat process --stage {table.stage} --force" if table.stage else ""
-            return error("table-damaged", place, message + way_out)
+            return error("table-damaged", place, message, RERUN if table.name in made_by else "")
     for layer in session.manifest.layers:
         if layer.file == fault.file:
             return error("layer-unreadable", f"layer {layer.name}", message)
-    names = [stream.name for stream in session.manifest.streams if stream.file == fault.file]
-    return error("stream-damaged", f"stream {', '.join(names)}", message)
+    return error("stream-damaged", _stream_place(session, fault.file), message)

@@ -1,45 +1,49 @@
-"""Examine what is in a folder, and repair what can be repaired without losing anything."""
+"""Examine what is in a folder."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 
 from ecat.check import disk
+from ecat.check.advice import advice
 from ecat.check.annotation import ANNOTATION
 from ecat.check.clock import CLOCK
-from ecat.check.finding import Check, Finding, Patient, error, note
+from ecat.check.finding import Check, Finding, Objects, Patient, error, note
+from ecat.check.manifest import MANIFEST
 from ecat.check.marks import MARKS
 from ecat.check.references import REFERENCES
 from ecat.check.schema import SCHEMA
-from ecat.errors import EcatError, SchemaError
+from ecat.errors import EcatError, NotFoundError, SchemaError
+from ecat.model import Layer
 from ecat.model.scheme import ECAT_2018_SCHEME
 from ecat.progress import Progress, silent
 from ecat.store import (
     Session,
-    adopt_edited_layers,
     find_sessions,
     open_project,
     open_session,
-    remove_leftovers,
 )
 from ecat.store.manifest import PROJECT_FILE, SESSION_FILE, is_plain_name
 from ecat.store.transaction import COMMIT_FILE
 
-CHECKS: tuple[Check, ...] = (*SCHEMA, *CLOCK, *MARKS, *REFERENCES, *ANNOTATION)
+CHECKS: tuple[Check, ...] = (*MANIFEST, *SCHEMA, *CLOCK, *MARKS, *REFERENCES, *ANNOTATION)
 """The checks of a session's content, in the order of their findings."""
 SCHEMES = {scheme.name: scheme for scheme in (ECAT_2018_SCHEME,)}
 """Coding schemes by name; what follows another one is not compared with any."""
-Siblings = dict[Path, frozenset[str] | None]
+Siblings = dict[Path, Objects]
 
 
 def examine(patient: Patient) -> list[Finding]:
     """The findings of all :data:`CHECKS`."""
-    return [finding for check_ in CHECKS for finding in check_(patient)]
+    # numbers at the end of their range are findings; on the way there they may overflow
+    with np.errstate(all="ignore"):
+        return [finding for check_ in CHECKS for finding in check_(patient)]
 
 
 def check(path: Path, *, deep: bool = False, progress: Progress = silent) -> list[Finding]:
@@ -69,7 +73,7 @@ def check(path: Path, *, deep: bool = False, progress: Progress = silent) -> lis
 
 def _named(findings: Iterator[Finding], folder: Path, root: Path) -> list[Finding]:
     name = folder.relative_to(root).as_posix()
-    return [replace(finding, session=name) for finding in findings]
+    return [replace(finding, session=name, fix=advice(finding, folder)) for finding in findings]
 
 
 def _check_project(path: Path, seen: set[Path]) -> Iterator[Finding]:
@@ -102,10 +106,13 @@ def _check_session(path: Path, siblings: Siblings, seen: set[Path], *, deep: boo
         )
     yield from disk.left_over(path, seen)
     layers, found = disk.read_layers(session)
-    found += disk.stale_tables(session)
+    found += disk.published_tables(session)
+    found += disk.irregular_streams(session)
     found += disk.damaged_files(session, found, deep=deep)
-    yield from found
-    siblings[path] = frozenset(thing.id for layer in layers.values() for thing in layer.objects)
+    found += disk.stale_tables(session, found)
+    found += disk.unlisted_tables(session)
+    siblings[path] = _objects(session, layers)
+    yield from found if siblings[path] != "unreadable" else disk.unrepairable(found)
 
     @cache
     def table(name: str) -> pa.Table | None:
@@ -129,34 +136,20 @@ def _table(session: Session, name: str) -> pa.Table | None:
         return None
 
 
-def _objects_of(path: Path, siblings: Siblings) -> frozenset[str] | None:
-    """Ids of the objects of the session at ``path``; kept in ``siblings``, as many sessions refer to one."""
+def _objects_of(path: Path, siblings: Siblings) -> Objects:
+    """The objects of the session at ``path``; kept in ``siblings``, as many sessions refer to one."""
     if path not in siblings:
         try:
             session = open_session(path)
-            layers, _ = disk.read_layers(session)
-            siblings[path] = frozenset(thing.id for layer in layers.values() for thing in layer.objects)
-        except EcatError:
+            siblings[path] = _objects(session, disk.read_layers(session)[0])
+        except NotFoundError:
             siblings[path] = None
+        except EcatError:
+            siblings[path] = "unreadable"
     return siblings[path]
 
 
-def repair(path: Path, findings: Sequence[Finding]) -> list[Finding]:
-    """Do what the findings of :func:`check` say can be done, in atomic commits; returns those repaired.
-
-    Raises
-    ------
-    LockedError, ReadOnlyError, DiskError : what was repaired before stays so.
-    """
-    todo = [finding for finding in findings if finding.repair]
-    for folder in dict.fromkeys(finding.session for finding in todo):
-        wanted = {finding.repair for finding in todo if finding.session == folder}
-        place = path / folder
-        if disk.REMOVE in wanted:
-            remove_leftovers(place)
-        if disk.ADOPT in wanted:
-            adopt_edited_layers(open_session(place))
-        if disk.REPUBLISH in wanted:
-            with open_session(place).write() as commit:
-                commit.update()  # nothing new; but whatever is put publishes the tables
-    return todo
+def _objects(session: Session, layers: Mapping[str, Layer]) -> Objects:
+    if len(layers) < len(session.manifest.layers):
+        return "unreadable"
+    return frozenset(thing.id for layer in layers.values() for thing in layer.objects)

@@ -12,6 +12,8 @@ import pyarrow as pa
 from ecat.model import CodingScheme, Layer, Manifest
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
+Objects: TypeAlias = frozenset[str] | Literal["unreadable"] | None
+"""Ids of the objects of a session; ``unreadable`` if not all of them are known, None if there is no such session."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +28,7 @@ class Finding:
     place : where in the session (``layer main, event a3``; ``table poses, box o2``).
     message : what is wrong, with the figures.
     repair : what ``--repair`` does about it; empty where a person has to decide.
+    fix : what to do about it, with the command where there is one.
     session : the session's folder, relative to the path that was checked; ``.`` for that path itself.
     """
 
@@ -34,6 +37,7 @@ class Finding:
     place: str
     message: str
     repair: str = ""
+    fix: str = ""
     session: str = "."
 
     def to_dict(self) -> dict[str, str]:
@@ -65,14 +69,19 @@ class Patient:
     layers : the readable layers by name.
     table : a table with a sound schema by name, or None.
     scheme : a coding scheme by name, or None.
-    sibling : ids of the objects of another session of the same project by its name; None if there is none.
+    sibling : the objects of another session of the same project by its name.
     """
 
     manifest: Manifest
     layers: Mapping[str, Layer]
     table: Callable[[str], pa.Table | None]
     scheme: Callable[[str], CodingScheme | None]
-    sibling: Callable[[str], frozenset[str] | None]
+    sibling: Callable[[str], Objects]
+
+    @property
+    def unread_layers(self) -> list[str]:
+        """The layers that the session has, and that could not be read."""
+        return [record.name for record in self.manifest.layers if record.name not in self.layers]
 
     @property
     def frame_period_s(self) -> float | None:
@@ -80,8 +89,9 @@ class Patient:
         frames = self.table("frames")
         if frames is not None and frames.num_rows > 1:
             t, image = (frames[name].to_numpy() for name in ("t_ns", "frame"))
-            span = int(image.max() - image.min())
-            return float(t.max() - t.min()) / 1e9 / span if span else None
+            # Python's integers: differences of the largest ones overflow
+            span = int(image.max()) - int(image.min())
+            return (int(t.max()) - int(t.min())) / 1e9 / span if span else None
         clock = self.manifest.clock
         if clock.rule != "uniform" or not clock.duration_ns or self.manifest.n_frames < 2:
             return None

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ecat.check.finding import Finding, Patient, error, note, some, warning
+from ecat.process.inputs import MOST_COORDINATE, sane
 
 MOST_HOLES = 0.05
 """Share of corners without depth: below 2 % in good Kinect v2 recordings; poses begin to lack frames
@@ -43,7 +44,7 @@ def _frame(patient: Patient, name: str, columns: list[str]) -> pd.DataFrame | No
     table = patient.table(name)
     if table is None or table.num_rows == 0:
         return None
-    data: pd.DataFrame = table.select(columns).to_pandas()
+    data: pd.DataFrame = sane(table.select(columns)).to_pandas()
     return data
 
 
@@ -54,6 +55,18 @@ def _faces(patient: Patient, name: str, columns: list[str]) -> pd.DataFrame | No
         return None
     data = data[data["present"] & data["order"].notna()]
     return data.assign(object_id=data["object_id"].astype(str)) if len(data) else None
+
+
+def absurd_numbers(patient: Patient) -> Iterator[Finding]:
+    """Coordinates are those of places: neither infinite nor beyond any image or room."""
+    for name in (*_MARKS, "joints", "poses", "poses_smooth"):
+        table = patient.table(name)
+        if table is None or (sound := sane(table)) is table:
+            continue
+        columns = [c for c in table.column_names if table[c].null_count < sound[c].null_count]
+        lost = sum(sound[c].null_count - table[c].null_count for c in columns)
+        message = f"{lost:,} numbers are no places (beyond {MOST_COORDINATE:,.0f}), in column {some(columns)}"
+        yield error("mark-absurd", f"table {name}", message)
 
 
 def duplicate_marks(patient: Patient) -> Iterator[Finding]:
@@ -246,6 +259,7 @@ def pose_jumps(patient: Patient) -> Iterator[Finding]:
 
 
 MARKS = (
+    absurd_numbers,
     duplicate_marks,
     marks_outside,
     depth_holes,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from ecat.check.finding import Finding, Patient, error, some, warning
+from ecat.check.finding import Finding, Patient, error, note, some, warning
 
 _TABLES = ("markers_2d", "markers_3d", "joints", "poses", "poses_smooth")
 
@@ -88,19 +88,22 @@ def relation_references(patient: Patient) -> Iterator[Finding]:
                 if not slash:
                     if target not in objects and target not in events:
                         yield _dangling(place, f"its argument {target}")
-                elif problem := _foreign_problem(patient, session, object_id):
-                    yield warning("dangling-session-reference", place, problem)
+                else:
+                    yield from _foreign(patient, place, session, object_id)
 
 
-def _foreign_problem(patient: Patient, session: str, object_id: str) -> str:
+def _foreign(patient: Patient, place: str, session: str, object_id: str) -> Iterator[Finding]:
     there = patient.sibling(session)
+    argument = f"its argument {session}/{object_id}"
     if there is None:
-        return f"its argument {session}/{object_id}: the project has no session {session}"
-    return (
-        ""
-        if object_id in there
-        else f"its argument {session}/{object_id}: session {session} has no object {object_id}"
-    )
+        message = f"{argument}: the project has no session {session}"
+        yield warning("dangling-session-reference", place, message)
+    elif there == "unreadable":
+        message = f"{argument} was not looked for: session {session} cannot be read in full"
+        yield note("reference-unchecked", place, message)
+    elif object_id not in there:
+        message = f"{argument}: session {session} has no object {object_id}"
+        yield warning("dangling-session-reference", place, message)
 
 
 def table_references(patient: Patient) -> Iterator[Finding]:
@@ -111,6 +114,11 @@ def table_references(patient: Patient) -> Iterator[Finding]:
         if table is None:
             continue
         ids = {str(value) for value in table["object_id"].unique().drop_null().to_pylist()}
+        if patient.unread_layers and ids - known:
+            layers = some(patient.unread_layers)
+            message = f"objects {some(sorted(ids - known))} were not looked for in layer {layers}, which cannot be read"
+            yield note("reference-unchecked", f"table {name}", message)
+            continue
         for object_id in sorted(ids - known):
             yield _dangling(f"table {name}", f"object {object_id}")
 

@@ -14,7 +14,12 @@ VALUES: dict[str, frozenset[str]] = {
     "source": frozenset({"observed", "interpolated"}),
     "support": frozenset({"table", "free"}),
     "state": frozenset({"tracked", "inferred", "not_tracked"}),
-    "evidence": frozenset({"polygon", "boxes", "polygon+boxes", "depth"}),
+    "evidence": frozenset(
+        {
+            "depth",
+            *(f"{what}{more}" for what in ("polygon", "boxes", "polygon+boxes") for more in ("", "+depth")),
+        }
+    ),
 }
 """Values of the columns that have a fixed set of them, in tables that are not published from annotations."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import click
@@ -23,8 +24,21 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 BUG = 3
 
-VERBS = ("import", "info", "process", "calibrate", "check", "view", "export", "sample", "formats", "demo")
+VERBS = (
+    "import",
+    "info",
+    "box",
+    "process",
+    "calibrate",
+    "check",
+    "view",
+    "export",
+    "sample",
+    "formats",
+    "demo",
+)
 """In the order of ``ecat --help``: the order in which a recording meets them."""
+EVERYWHERE = ("--json", "--quiet", "-q")
 
 EXAMPLES = (
     "ecat demo",
@@ -36,6 +50,14 @@ EXAMPLES = (
 
 class Verbs(click.Group):
     """The verbs, each imported when asked for; other packages add theirs as entry points of ``ecat.cli``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, but what every verb takes may also stand before the verb."""
+        early = list(takewhile(EVERYWHERE.__contains__, args))
+        rest = args[len(early) :]
+        if early and not rest:
+            ctx.fail(f"missing verb after {early[-1]}")
+        return super().parse_args(ctx, [*rest[:1], *early, *rest[1:]])
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all verbs, our own first."""
@@ -102,7 +124,8 @@ def app() -> None:
     """Turn recordings of people handling objects into machine-learnable data.
 
     A session is one recording in a folder of its own; a project is a folder of sessions, a workspace a folder
-    of projects.  Every verb takes --json (one JSON document on stdout), --quiet and --help.
+    of projects.  Every verb takes --json (one JSON document on stdout), --quiet and --help, before or after
+    the verb.
     """
 
 
@@ -135,15 +158,16 @@ def _run(argv: list[str]) -> int:
     try:
         result: object = app.main(argv, prog_name="ecat", standalone_mode=False)
     except click.ClickException as error:
-        context = getattr(error, "ctx", None)
-        called = context.command_path if isinstance(context, click.Context) else "ecat"
+        context = getattr(error, "ctx", None) or click.Context(app, info_name="ecat")
+        called, usage = context.command_path, " ".join(context.get_usage().split())
         message = error.format_message().rstrip(".")
         what = message[:1].lower() + message[1:]
-        raise UsageError(what, consequence="nothing was done", fix=f"{called} --help") from error
+        raise UsageError(what, where=usage, fix=f"{called} --help") from error
     except OSError as error:
         if isinstance(error, BrokenPipeError):
             raise
-        raise os_error(error, f"cannot finish: {argv[0]}", error.filename or "") from error
+        place, consequence = error.filename or "a file that is open", "what was finished before is kept"
+        raise os_error(error, "cannot finish", place, consequence) from error
     return result if isinstance(result, int) else 0
 
 

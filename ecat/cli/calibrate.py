@@ -40,9 +40,10 @@ def command(out: Output, paths: tuple[Path, ...], output: Path) -> None:
     All recordings together; they must be of the same boxes and by the same camera.  The file is for
     `ecat process --prototypes`.
     """
-    from ecat import process, store
+    from ecat import process
+    from ecat.cli.describe import sessions_at
 
-    sessions = [session for path in paths for session in store.find_sessions(path)]
+    sessions = [session for path in paths for session in sessions_at(path)]
     with out.progress() as progress:
         boxes = process.calibrate(sessions, progress)
     process.write_prototypes(output, boxes)

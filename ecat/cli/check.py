@@ -13,7 +13,7 @@ from ecat.cli.text import count
 from ecat.cli.verb import verb
 
 if TYPE_CHECKING:
-    from ecat.check import Finding
+    from ecat.check import Finding, Repairs
 
 
 @verb(
@@ -30,30 +30,40 @@ def command(out: Output, path: Path, repair: bool, deep: bool) -> int:
 
     Finds gaps and drift of the clock, holes in depth, lost and jumping markers, references to what does not
     exist, annotations against the schema, tables made from older inputs, damaged files, leftovers of a crash.
+    Each finding says what --repair would do about it, or what else can be done.
 
-    The exit code is 1 if an error is found (and not repaired), else 0.
+    The exit code is 1 if an error is found (and not repaired) or a repair failed, else 0.
     """
-    from ecat.check import check
+    from ecat.check import Repairs, check
     from ecat.check import repair as mend
+    from ecat.cli.describe import require_folder
 
-    repaired: list[Finding] = []
+    require_folder(path)
+    repairs = Repairs([], [])
     with out.progress() as progress:
         found = check(path, deep=deep, progress=progress)
         if repair and any(finding.repair for finding in found):
-            repaired = mend(path, found)
+            repairs = mend(path, found, progress)
             found = check(path, deep=deep, progress=progress)
-    ok = not any(finding.severity == "error" for finding in found)
-    data = {"findings": [f.to_dict() for f in found], "repaired": [f.to_dict() for f in repaired]}
-    out.result(data, _text(found, repaired), ok=ok)
+    ok = not repairs.failed and not any(finding.severity == "error" for finding in found)
+    data = {
+        "findings": [f.to_dict() for f in found],
+        "repaired": [f.to_dict() for f in repairs.done],
+        "failures": [{"finding": f.to_dict(), "error": reason.to_dict()} for f, reason in repairs.failed],
+    }
+    out.result(data, _text(found, repairs), ok=ok)
     return 0 if ok else 1
 
 
-def _text(found: list[Finding], repaired: list[Finding]) -> str:
-    lines = [f"repaired: {_where(f)}: {f.repair}" for f in repaired]
+def _text(found: list[Finding], repairs: Repairs) -> str:
+    lines = [f"repaired: {_where(f)}: {f.repair}" for f in repairs.done]
+    lines += [f"not repaired: {_where(f)}: {reason}" for f, reason in repairs.failed]
     for finding in found:
         lines.append(f"{finding.severity}: {_where(finding)}: {finding.message} [{finding.code}]")
         if finding.repair:
-            lines.append(f"  --repair would: {finding.repair}")
+            lines.append(f"  --repair would {finding.repair}: {finding.fix}")
+        else:
+            lines.append(f"  --repair leaves it as it is; {finding.fix}")
     kinds = Counter(finding.severity for finding in found)
     summary = [count(kinds[kind], kind) for kind in ("error", "warning", "note") if kinds[kind]]
     return "\n".join([*lines, ", ".join(summary) or "no findings"])

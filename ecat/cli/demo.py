@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
 
 from ecat.cli.output import Output
+from ecat.cli.text import shell
 from ecat.cli.verb import verb
 
 
@@ -21,17 +23,21 @@ def command(out: Output, dest: Path) -> int:
     """Take a small recording all the way and show what there is to see.
 
     Imports a project in the format of 2018, says what is in it, runs every stage, checks it, exports the
-    poses of the boxes and a recording for the Rerun viewer, and writes the project back byte for byte.  May
-    be repeated: what an earlier demo made is made anew.
+    poses of the boxes and a recording for the Rerun viewer, and writes the project back byte for byte.  Then
+    takes colour and depth video the same way, from pixels to poses and proposed events.  May be repeated: what
+    an earlier demo made is made anew.
     """
     from ecat.cli.tour import tour
 
     made = tour(dest, out)
-    next_steps = (
-        f"try: rerun {made['recording']}\n"
-        f"     ecat info {made['session']}\n"
-        f"     python -c \"import ecat; print(ecat.open_session('{made['session']}').poses.to_pandas())\"\n"
-        f"     ecat import YOUR_RECORDING my_session"
+    session = made["session"]
+    program = f"import ecat; print(ecat.open_session({json.dumps(session)}).poses.to_pandas())"
+    steps = (
+        shell("rerun", made["recording"]),
+        shell("rerun", made["video_recording"]),
+        shell("ecat", "info", session),
+        shell("python", "-c", program),
+        shell("ecat", "import", "YOUR_RECORDING", "my_session"),
     )
-    out.result(made, next_steps, ok=bool(made["identical"]))
+    out.result(made, "try: " + "\n     ".join(steps), ok=bool(made["identical"]))
     return 0 if made["identical"] else 1

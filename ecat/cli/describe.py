@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from ecat.errors import EcatError
+from ecat.errors import EcatError, NotFoundError
 from ecat.model import Camera, Layer, Manifest, Provenance
 from ecat.store import Session, find_sessions, open_project, open_session
-from ecat.store.manifest import PROJECT_FILE
+from ecat.store.manifest import PROJECT_FILE, SESSION_FILE
 
 Data = dict[str, Any]
 
@@ -21,13 +22,47 @@ def describe(path: Path) -> Data:
     ------
     NotFoundError : nothing of ecat's is there.
     """
-    sessions = find_sessions(path)
+    sessions = sessions_at(path)
     if sessions == [path]:
         return _session(open_session(path))
     if (path / PROJECT_FILE).is_file():
         manifest = open_project(path).manifest
         return _folder(path, sessions, manifest.kind, manifest.name, manifest.provenance)
     return _folder(path, sessions, "folder", path.resolve().name, Provenance())
+
+
+def sessions_at(path: Path) -> list[Path]:
+    """:func:`ecat.store.find_sessions`, for what a person may have typed.
+
+    Raises
+    ------
+    NotFoundError : nothing of ecat's is there, or it is a file.
+    """
+    require_folder(path)
+    return find_sessions(path)
+
+
+def require_folder(path: Path) -> None:
+    """Returns unless there is something at ``path`` that is not a folder.
+
+    Raises
+    ------
+    NotFoundError : it is a file: one of a session, or one that may have to be imported.
+    """
+    if path.is_dir() or not path.exists():
+        return
+    inside = next((folder for folder in path.absolute().parents if (folder / SESSION_FILE).is_file()), None)
+    if inside is None and path.name == PROJECT_FILE:
+        inside = path.absolute().parent
+    fix = "name the folder of a session; a recording becomes one with: "
+    raise NotFoundError(
+        f"cannot find sessions in {path.name}",
+        where=f"{path}: it is a file, not a folder",
+        consequence="nothing was done",
+        fix=fix + f"ecat import {shlex.quote(str(path))} MY_SESSION"
+        if inside is None
+        else f"name the folder that it belongs to: {inside}",
+    )
 
 
 def _session(session: Session) -> Data:

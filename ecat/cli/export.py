@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ecat.cli.output import Output
-from ecat.cli.text import count
+from ecat.cli.transfer import keep_apart, tell
 from ecat.cli.verb import verb
 
 
@@ -28,13 +28,7 @@ def command(out: Output, path: Path, dest: Path, format_name: str) -> None:
     """
     from ecat import formats
 
+    keep_apart(path, dest)
     with out.progress() as progress:
         report = formats.export(path, dest, format=format_name, progress=progress)
-    lines = [f"exported {count(report.sessions, 'session')} ({report.format}) to {dest}"]
-    data = {
-        "path": str(report.path),
-        "format": report.format,
-        "sessions": report.sessions,
-        "findings": list(report.findings),
-    }
-    out.result(data, "\n".join(lines + [f"  {finding}" for finding in report.findings]))
+    tell(out, "exported", report)

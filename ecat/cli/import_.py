@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ecat.cli.output import Output
-from ecat.cli.text import count
+from ecat.cli.transfer import keep_apart, tell
 from ecat.cli.verb import verb
 
 
@@ -39,6 +39,7 @@ def command(
     """
     from ecat import formats
 
+    keep_apart(source, dest)
     with out.progress() as progress:
         report = formats.import_source(
             source,
@@ -48,11 +49,4 @@ def command(
             keep_going=keep_going,
             progress=progress,
         )
-    lines = [f"imported {count(report.sessions, 'session')} ({report.format}) to {dest}"]
-    data = {
-        "path": str(report.path),
-        "format": report.format,
-        "sessions": report.sessions,
-        "findings": list(report.findings),
-    }
-    out.result(data, "\n".join(lines + [f"  {finding}" for finding in report.findings]))
+    tell(out, "imported", report)

@@ -37,7 +37,7 @@ def session_text(found: Data) -> str:
     """A session as aligned text."""
     start = found["clock"]["start"]
     head = [
-        ["frames", f"{found['frames']:,}" if found["frames"] else "unknown"],
+        ["frames", _amount(found, "frames")],
         ["duration", _duration(found)],
         ["clock", found["clock"]["rule"] + (f", from {start}" if start else "")],
         ["boxes", ", ".join(found["prototypes"]) or "not calibrated"],
@@ -58,7 +58,7 @@ def session_text(found: Data) -> str:
 def project_text(found: Data) -> str:
     """A project, a workspace or any folder of sessions as aligned text."""
     totals = found["totals"]
-    head = [[name, f"{totals[name]:,}"] for name in ("sessions", *COUNTED)]
+    head = [[name, _amount(totals, name)] for name in ("sessions", *COUNTED)]
     head += [["duration", _duration(totals)], ["source", _provenance(found)]]
     listed = found["sessions"][:MOST_SESSIONS]
     left = len(found["sessions"]) - len(listed)
@@ -74,6 +74,11 @@ def project_text(found: Data) -> str:
 
 def _block(title: str, rows: list[list[str]]) -> str:
     return f"{title}\n{columns(rows or [['none']], indent=2)}"
+
+
+def _amount(found: Data, name: str) -> str:
+    """How many; a recording that says nothing of its length has 0 frames in its manifest."""
+    return "unknown" if name == "frames" and not found[name] else f"{found[name]:,}"
 
 
 def _duration(found: Data) -> str:
@@ -124,5 +129,5 @@ def _table_row(table: Data) -> list[str]:
 def _session_row(session: Data) -> list[str]:
     if "error" in session:
         return [session["path"], session["error"]]
-    counts = [cell for name in COUNTED for cell in (f"{session[name]:,}", name)]
+    counts = [cell for name in COUNTED for cell in (_amount(session, name), name)]
     return [session["path"], *counts, ", ".join(session["stages"])]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from ecat.errors import EcatError
+from ecat.errors import EcatError, one_line
 from ecat.progress import Progress, silent
 
 BROKEN_PIPE = 141
@@ -71,7 +71,7 @@ def _bar() -> Generator[Progress]:
         task = bars.add_task("", total=0)
 
         def show(what: str, done: int, total: int) -> None:
-            bars.update(task, description=printable(what), completed=done, total=total)
+            bars.update(task, description=one_line(what), completed=done, total=total)
 
         yield show
 
@@ -90,13 +90,13 @@ class _Lines:
         if now_s - self._said_s < LINE_EVERY_S or (total and part == self._part):
             return
         amount = f"{done:,} of {total:,} ({done / total:.0%})" if total else f"{done:,}"
-        print(f"{printable(what)}: {amount}", file=sys.stderr, flush=True)  # noqa: T201
+        print(f"{one_line(what)}: {amount}", file=sys.stderr, flush=True)  # noqa: T201
         self._said_s, self._part = now_s, part
 
 
 def printable(text: str) -> str:
-    """``text`` with control characters (which may steer a terminal) shown as escapes; line feeds stay."""
-    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+    """``text`` with every line as :func:`ecat.errors.one_line` shows it."""
+    return "\n".join(map(one_line, text.split("\n")))
 
 
 def print_json(data: Mapping[str, object]) -> None:
@@ -109,7 +109,7 @@ def print_error(error: EcatError, *, as_json: bool) -> None:
     if as_json:
         print_json({"ok": False, "error": error.to_dict()})
     else:
-        print(f"ecat: {printable(str(error))}", file=sys.stderr)  # noqa: T201
+        print(f"ecat: {error}", file=sys.stderr)  # noqa: T201
 
 
 def print_bug(error: Exception, *, as_json: bool) -> None:
@@ -117,7 +117,7 @@ def print_bug(error: Exception, *, as_json: bool) -> None:
     traceback.print_exception(error, file=sys.stderr)
     made = EcatError(
         f"this is a bug in ecat: {type(error).__name__}",
-        where=str(error).splitlines()[0] if str(error) else "",
+        where=next(iter(str(error).splitlines()), "") or "the traceback says where",
         consequence="what was finished before is kept",
         fix="report it with the lines above and the output of `ecat --version` to ecat's issue tracker",
     )

@@ -13,14 +13,14 @@ from ecat.cli.verb import verb
 from ecat.errors import EcatError
 
 if TYPE_CHECKING:
-    from ecat.progress import Progress
+    from ecat.process import Outcome
 
 
 @verb(
     "process",
     examples=(
         "ecat process my_session",
-        "ecat process my_project --smooth",
+        "ecat process my_project --smooth --jobs 4",
         "ecat process my_session --stage plane --stage pose --force",
         "ecat process my_session --prototypes boxes.json",
     ),
@@ -43,6 +43,12 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Sizes and markers of the boxes, as written by `ecat calibrate`.",
 )
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Process N sessions at once. [default: 1 for up to three sessions, else one for each processor]",
+)
 def command(
     out: Output,
     paths: tuple[Path, ...],
@@ -50,66 +56,91 @@ def command(
     smooth: bool,
     force: bool,
     prototypes: Path | None,
+    jobs: int | None,
 ) -> int:
     """Turn recordings into data: the table, and where the boxes are in every frame.
 
-    A stage whose inputs have not changed since it ran is skipped.  Sessions that cannot be processed are
-    reported at the end, and the others are processed all the same; the exit code is then 1.
+    For each session it is said which stages ran, which were up to date (their inputs and parameters have not
+    changed since they ran), and which are not applicable, and why.  Sessions and paths that cannot be
+    processed are reported at the end, and the others are processed all the same; the exit code is then 1.
+    After an interruption the same command does what is left.
     """
-    from ecat import process, store
+    from ecat import process
 
-    sessions = [session for path in paths for session in store.find_sessions(path)]
+    process.require_stages(stages)
     boxes = None if prototypes is None else process.read_prototypes(prototypes)
-    results: list[dict[str, Any]] = []
+    names, missing = _sessions(paths)
     with out.progress() as progress:
-        # several sessions show a box better than one does; a single session calibrates its own
-        together = (
-            process.calibrate_together(sessions, progress) if boxes is None and len(sessions) > 1 else {}
+        outcomes = process.process_sessions(
+            list(names),
+            jobs=jobs,
+            stages=stages or None,
+            force=force,
+            smooth=smooth,
+            prototypes=boxes,
+            name=lambda path: names[path],
+            progress=progress,
         )
-        for i, path in enumerate(sessions):
-            try:
-                report = process.process_session(
-                    path,
-                    stages=stages or None,
-                    force=force,
-                    smooth=smooth,
-                    prototypes=boxes if boxes is not None else together.get(path),
-                    progress=_within(progress, path.name, i, len(sessions)),
-                )
-            except EcatError as error:
-                if len(sessions) == 1:
-                    raise
-                results.append({"path": str(path), "error": error.to_dict(), "text": str(error)})
-            else:
-                done = {"ran": list(report.ran), "skipped": list(report.skipped)}
-                results.append({"path": str(path), **done, "findings": list(report.findings)})
-    failed = [result for result in results if "error" in result]
-    text = "\n".join(line for result in results for line in _lines(result))
-    text += (
-        f"\n{count(len(results) - len(failed), 'session')} processed, {len(failed):,} failed"
-        if failed
-        else ""
-    )
-    out.result(
-        {"sessions": [{k: v for k, v in r.items() if k != "text"} for r in results]}, text, ok=not failed
-    )
-    if failed and out.quiet and not out.as_json:
-        for result in failed:
-            click.echo(f"ecat: {printable(result['text'])}", err=True)
+    failed = missing + [(outcome.path, outcome.error) for outcome in outcomes if outcome.error is not None]
+    if len(paths) == 1 and len(failed) == 1 and len(outcomes) <= 1:
+        raise failed[0][1]
+    _report(out, outcomes, failed)
     return 1 if failed else 0
 
 
-def _within(progress: Progress, name: str, index: int, n_sessions: int) -> Progress:
-    """The same, with the session's name in front where there are several."""
-    if n_sessions == 1:
-        return progress
-    return lambda what, done, total: progress(f"{name} ({index + 1} of {n_sessions}): {what}", done, total)
+def _sessions(paths: tuple[Path, ...]) -> tuple[dict[Path, str], list[tuple[Path, EcatError]]]:
+    """The sessions at the paths, each once, with a name for progress; and the paths where there is none."""
+    from ecat.cli.describe import sessions_at
+
+    names: dict[Path, str] = {}
+    missing: list[tuple[Path, EcatError]] = []
+    seen: set[Path] = set()
+    for path in paths:
+        try:
+            for session in sessions_at(path):
+                if (place := session.resolve()) not in seen:
+                    seen.add(place)
+                    inside = session.relative_to(path)
+                    names[session] = str(inside if len(paths) == 1 and inside.parts else session)
+        except EcatError as error:
+            missing.append((path, error))
+    return names, missing
 
 
-def _lines(result: dict[str, Any]) -> list[str]:
-    if "error" in result:
-        return [f"{result['path']}: {result['text']}"]
-    did = f"ran {', '.join(result['ran'])}" if result["ran"] else "nothing to do"
-    if result["skipped"]:
-        did += f"; up to date: {', '.join(result['skipped'])}"
-    return [f"{result['path']}: {did}", *(f"  {finding}" for finding in result["findings"])]
+def _report(out: Output, outcomes: list[Outcome], failed: list[tuple[Path, EcatError]]) -> None:
+    reports = [outcome.report for outcome in outcomes if outcome.report is not None]
+    data: dict[str, Any] = {
+        "sessions": [
+            {
+                "path": str(report.path),
+                "ran": list(report.ran),
+                "up_to_date": list(report.skipped),
+                "not_applicable": dict(report.not_applicable),
+                "findings": list(report.findings),
+            }
+            for report in reports
+        ],
+        "failures": [{"path": str(path), "error": error.to_dict()} for path, error in failed],
+    }
+    lines = [line for session in data["sessions"] for line in _lines(session)]
+    if not outcomes and not failed:
+        lines.append("no sessions: there was nothing to do")
+    lines += [f"{path}: {error}" for path, error in failed]
+    if failed:
+        lines.append(f"{count(len(reports), 'session')} processed, {len(failed):,} failed")
+    out.result(data, "\n".join(lines), ok=not failed)
+    if out.quiet and not out.as_json:
+        for _, error in failed:
+            click.echo(f"ecat: {printable(str(error))}", err=True)
+
+
+def _lines(session: dict[str, Any]) -> list[str]:
+    """``my_session: ran plane; up to date: pose; not applicable: smooth (why)``, and remarks."""
+    did = [f"ran {', '.join(session['ran'])}"] if session["ran"] else []
+    if session["up_to_date"]:
+        did.append(f"up to date: {', '.join(session['up_to_date'])}")
+    reasons: dict[str, list[str]] = {}
+    for stage, why in session["not_applicable"].items():
+        reasons.setdefault(why, []).append(stage)
+    did += [f"not applicable: {', '.join(stages)} ({why})" for why, stages in reasons.items()]
+    return [f"{session['path']}: {'; '.join(did)}", *(f"  {finding}" for finding in session["findings"])]

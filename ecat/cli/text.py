@@ -1,9 +1,13 @@
-"""Figures and tables as a person reads them: deterministic, aligned, without paths or times of day."""
+"""Figures, tables and commands as a person reads them."""
 
 from __future__ import annotations
 
+import shlex
+import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
+from pathlib import Path
 
 
 def columns(rows: Sequence[Sequence[str]], *, indent: int = 0) -> str:
@@ -40,3 +44,23 @@ def listing(counts: Mapping[str, int]) -> str:
     """``2 marker_box, 1 rig``, the most first."""
     ordered = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     return ", ".join(f"{number:,} {name}" for name, number in ordered)
+
+
+def shell(program: str, *arguments: object) -> str:
+    """A command that can be pasted here: ``program``, of those installed with ecat, as the shell finds it.
+
+    By its name if that leads to the one installed with ecat, else by its path.
+    """
+    return shlex.join([_called(program), *map(str, arguments)])
+
+
+def _called(program: str) -> str:
+    ours = Path(sys.executable).with_name(program)
+    if not ours.exists():
+        return program
+    found = shutil.which(program)
+    # a name elsewhere may be a link to ours, but every Python is a link to the same one
+    if found and (Path(found).parent.samefile(ours.parent) or Path(found).resolve() == ours.absolute()):
+        return program
+    here = Path.cwd()
+    return str(ours.relative_to(here) if ours.is_relative_to(here) else ours)

@@ -10,16 +10,20 @@ from typing import Any
 
 from ecat import formats, process, store
 from ecat.check import check
+from ecat.checkout import ROOT
 from ecat.cli.describe import describe
 from ecat.cli.info import project_text
 from ecat.cli.output import Output
-from ecat.cli.text import count
+from ecat.cli.text import count, shell
 from ecat.errors import ExistsError, os_error
 
-SHIPPED = Path(__file__).parents[2] / "sample_sessions"
+SHIPPED = ROOT / "sample_sessions"
 MARK = ".ecat-demo"
 """Marks a folder that a demo made, and may therefore empty."""
-MADE = ("recording", "project", "poses.parquet", "session.rrd", "ecat-2018")
+MADE = (
+    *("recording", "project", "poses.parquet", "session.rrd", "ecat-2018"),
+    *("cameras", "video_session", "video_session.rrd"),
+)
 
 
 def tour(dest: Path, out: Output) -> dict[str, Any]:
@@ -49,7 +53,8 @@ def tour(dest: Path, out: Output) -> dict[str, Any]:
     different = list(_differences(source, exported["exported"]))
     verdict = "byte for byte what was imported" if not different else f"DIFFERENT: {', '.join(different)}"
     out.say(f"            {exported['exported']}: {verdict}")
-    places = {"source": source, "project": project, "session": sessions[0], **exported}
+    filmed = _filmed(dest, out)
+    places = {"source": source, "project": project, "session": sessions[0], **exported, **filmed}
     return {
         **{name: str(path) for name, path in places.items()},
         "sessions": len(sessions),
@@ -71,6 +76,23 @@ def _export(dest: Path, project: Path, session: Path, out: Output) -> dict[str, 
     return {"poses": poses, "recording": recording, "exported": exported}
 
 
+def _filmed(dest: Path, out: Output) -> dict[str, Path]:
+    """The same from what cameras wrote: markers are found in the video, the table in the depth."""
+    from ecat.view import save_rrd
+
+    source = _cameras(dest)
+    session, shown = dest / "video_session", dest / "video_session.rrd"
+    out.say(f"6. video    {source}, colour and depth of another recording")
+    with out.progress() as progress:
+        formats.import_source(source, session, format="rgbd-video", progress=progress)
+        boxes = process.read_prototypes(source / "boxes.json")
+        report = process.process_session(session, smooth=True, prototypes=boxes, progress=progress)
+        save_rrd(store.open_session(session), shown, progress=progress)
+    out.say(f"            imported, then {', '.join(report.ran)}")
+    out.say(f"            {session}, and {shown} for the Rerun viewer")
+    return {"cameras": source, "video_session": session, "video_recording": shown}
+
+
 def _prepare(dest: Path) -> None:
     """An empty ``dest``, save for the mark."""
     try:
@@ -79,7 +101,7 @@ def _prepare(dest: Path) -> None:
                 "cannot make the demo",
                 where=f"{dest}: there is something that no demo made",
                 consequence="it was left as it is",
-                fix="ecat demo ANOTHER_FOLDER",
+                fix=shell("ecat", "demo", "ANOTHER_FOLDER"),
             )
         dest.mkdir(parents=True, exist_ok=True)
         (dest / MARK).touch()
@@ -89,7 +111,7 @@ def _prepare(dest: Path) -> None:
             else:
                 (dest / name).unlink(missing_ok=True)
     except OSError as error:
-        raise os_error(error, "cannot make the demo", dest) from error
+        raise os_error(error, "cannot make the demo", dest, "the demo was not run") from error
 
 
 def _source(dest: Path) -> Path:
@@ -99,6 +121,17 @@ def _source(dest: Path) -> Path:
         path for path in sorted(SHIPPED.glob("*")) if path.is_dir() and sniff is not None and sniff(path)
     )
     return next(shipped, None) or _generated(dest)
+
+
+def _cameras(dest: Path) -> Path:
+    """The recording that comes with a checkout, or the same generated."""
+    from ecat.sample.shipped import WITH_PIXELS, write_recording
+
+    shipped = SHIPPED / "recorded" / WITH_PIXELS
+    if not shipped.is_dir():
+        write_recording(dest / "cameras")
+        return dest / "cameras" / "recorded" / WITH_PIXELS
+    return shipped
 
 
 def _generated(dest: Path) -> Path:

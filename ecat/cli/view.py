@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from ecat.cli.output import Output
+from ecat.cli.text import shell
 from ecat.cli.verb import verb
 
 
@@ -29,4 +30,6 @@ def command(out: Output, session: Path, save: Path | None) -> None:
         else:
             view.save_rrd(opened, save, progress=progress)
     data = {"session": opened.name, "file": None if save is None else str(save)}
-    out.result(data, f"showing {opened.name}" if save is None else f"wrote {save}\ntry: rerun {save}")
+    out.result(
+        data, f"showing {opened.name}" if save is None else f"wrote {save}\ntry: {shell('rerun', save)}"
+    )

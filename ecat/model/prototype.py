@@ -18,6 +18,8 @@ FaceName: TypeAlias = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FACES: tuple[FaceName, ...] = get_args(FaceName)
 Triple: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
+MOST_M = 10.0
+"""Nobody handles a box with longer edges: lengths above are in other units."""
 
 # box-from-marker rotations of a marker printed upright on each face: marker x right, y up, z out of the face
 _h = math.sqrt(0.5)
@@ -103,11 +105,12 @@ def _box(data: object, problems: list[str]) -> BoxPrototype:
     if not isinstance(name, str) or not name:
         problems.append("name: expected a non-empty string")
     size = _numbers(box.get("size_m"), 3, "size_m", problems)
-    if any(edge <= 0 for edge in size):
-        problems.append("size_m: expected three positive lengths in metres")
+    if not all(0 < edge <= MOST_M for edge in size):
+        problems.append(f"size_m: expected three positive lengths in metres, at most {MOST_M:g}")
     rows = box.get("faces")
-    if not isinstance(rows, list) or not rows:
-        problems.append("faces: expected a non-empty list")
+    if not isinstance(rows, list) or not 0 < len(rows) <= len(FACES):
+        found = f", found {len(rows):,}" if isinstance(rows, list) else ""
+        problems.append(f"faces: expected a non-empty list of at most {len(FACES)} faces{found}")
         rows = []
     faces = tuple(_face(row, f"faces[{i}]", problems) for i, row in enumerate(cast("list[object]", rows)))
     for key in ("face", "code"):
@@ -131,9 +134,11 @@ def _face(data: object, path: str, problems: list[str]) -> MarkerFace:
     ):
         problems.append(f"{path}.code: expected a square number of '0' and '1'")
     (side,) = _numbers([row.get("side_m")], 1, f"{path}.side_m", problems)
-    if side <= 0:
-        problems.append(f"{path}.side_m: expected a positive length in metres")
+    if not 0 < side <= MOST_M:
+        problems.append(f"{path}.side_m: expected a positive length in metres, at most {MOST_M:g}")
     centre = _numbers(row.get("centre"), 3, f"{path}.centre", problems)
+    if max(map(abs, centre)) > MOST_M:
+        problems.append(f"{path}.centre: expected a place on the box, at most {MOST_M:g} m from its centre")
     quaternion = _numbers(row.get("quaternion"), 4, f"{path}.quaternion", problems)
     if not math.isclose(math.hypot(*quaternion), 1.0, abs_tol=1e-6):
         problems.append(f"{path}.quaternion: expected a unit quaternion x, y, z, w")

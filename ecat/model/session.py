@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -31,6 +32,31 @@ class Camera:
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     source: str = ""
+
+
+DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+"""How many coefficients OpenCV's lens models have."""
+_MOST_PX, _MOST_M, _MOST_COEFFICIENT = 1e6, 1e3, 1e6
+
+
+def camera_problems(camera: Camera) -> Iterator[str]:
+    """Fields whose values no camera has, each with what is expected; nothing that could be right is named."""
+    for name in ("fx_px", "fy_px"):
+        # "not in between", so that NaN is a problem too
+        if not 0 < getattr(camera, name) <= _MOST_PX:
+            yield f"{name}: expected a positive focal length in pixels, found {getattr(camera, name):g}"
+    for name in ("cx_px", "cy_px"):
+        if not abs(getattr(camera, name)) <= _MOST_PX:
+            yield f"{name}: expected a place in pixels, found {getattr(camera, name):g}"
+    if len(camera.distortion) not in DISTORTION_LENGTHS:
+        lengths = ", ".join(map(str, DISTORTION_LENGTHS))
+        yield f"distortion: expected {lengths} coefficients, found {len(camera.distortion)}"
+    if not all(abs(value) <= _MOST_COEFFICIENT for value in camera.distortion):
+        yield "distortion: expected finite coefficients of a lens"
+    if not math.isclose(math.hypot(*camera.rotation), 1.0, abs_tol=1e-3):
+        yield "rotation: expected a unit quaternion x, y, z, w"
+    if not all(abs(value) <= _MOST_M for value in camera.translation_m):
+        yield "translation_m: expected a place in metres"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +90,10 @@ class Clock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """One recorded file.  ``present`` is false when the session names a file that was not there at import."""
+    """One recorded file.  ``present`` is false when the session names a file that was not there at import.
+
+    ``depth_unit_m`` is what one unit of a depth image means, metres; depth is kept as it was recorded.
+    """
 
     name: str
     kind: Literal["color", "depth", "infrared", "skeleton", "audio", "imu", "other"] = "other"
@@ -73,6 +102,9 @@ class Stream:
     codec: str = ""
     camera: str = ""
     n_frames: int | None = None
+    width_px: int | None = None
+    height_px: int | None = None
+    depth_unit_m: float | None = None
     size_bytes: int | None = None
     sha256: str = ""
 

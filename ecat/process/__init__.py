@@ -1,4 +1,4 @@
-"""Running stages on a session: what is out of date, and nothing else.
+"""Running stages on sessions: what is out of date, and nothing else.
 
 Every derived table records the stage, its version, its parameters and the hashes of what it was made from.  A stage
 whose record matches is skipped.
@@ -6,15 +6,34 @@ whose record matches is skipped.
 
 from __future__ import annotations
 
-from ecat.process.graph import ProcessReport, process_session, stage_names, stale_tables
-from ecat.process.prototypes import calibrate, calibrate_together, read_prototypes, write_prototypes
+from ecat.process.graph import (
+    ProcessReport,
+    made_by,
+    process_session,
+    require_stages,
+    stage_names,
+    stale_tables,
+)
+from ecat.process.many import Outcome, process_sessions
+from ecat.process.prototypes import (
+    calibrate,
+    calibrate_together,
+    kept_prototypes,
+    read_prototypes,
+    write_prototypes,
+)
 
 __all__ = [
+    "Outcome",
     "ProcessReport",
     "calibrate",
     "calibrate_together",
+    "kept_prototypes",
+    "made_by",
     "process_session",
+    "process_sessions",
     "read_prototypes",
+    "require_stages",
     "stage_names",
     "stale_tables",
     "write_prototypes",

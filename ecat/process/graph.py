@@ -2,40 +2,49 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
-from ecat.errors import EcatError, InputError, LimitError, UsageError
-from ecat.model.prototype import BoxPrototype
-from ecat.process.prototypes import session_camera, table_surface
+from ecat.errors import EcatError, InputError, UsageError
+from ecat.model import TableRecord
+from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
+from ecat.process.inputs import (
+    CLOCK,
+    MARKS,
+    annotated_objects,
+    box_objects,
+    color_camera,
+    has_marks,
+    image_stream,
+    input_hashes,
+    session_camera,
+    stage_images,
+    stage_inputs,
+    table_surface,
+)
+from ecat.process.proposals import PROPOSED, proposed_layer
+from ecat.process.prototypes import boxes_in, kept_prototypes, recording_of
 from ecat.progress import Progress, silent
 from ecat.store import Session, TableData, open_session
 
 if TYPE_CHECKING:
     from ecat.stages.stage import Stage
 
-CLOCK = "clock"
-"""Input that is made of the manifest: every frame and its time."""
-MAX_FRAMES = 1_000_000
-"""Nine hours of video; the poses of two boxes then take about half a gigabyte."""
-SURFACE = "keyframes"
-"""Input that is part of the annotation: only the 3-D shapes count, so that other edits do not make a plane stale."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessReport:
-    """What was done to a session: stages that ran, stages that were up to date, and remarks."""
+    """What was done to a session: stages that ran, that were up to date, that cannot apply (and why), and remarks."""
 
     path: Path
     ran: tuple[str, ...]
     skipped: tuple[str, ...]
+    not_applicable: Mapping[str, str] = field(default_factory=dict[str, str])
     findings: tuple[str, ...] = ()
 
 
@@ -48,6 +57,22 @@ def _stages() -> tuple[Stage, ...]:
 def stage_names() -> tuple[str, ...]:
     """The names of the stages, in the order in which they run."""
     return tuple(stage.name for stage in _stages())
+
+
+def require_stages(names: Sequence[str]) -> None:
+    """Returns if there are stages of these names.
+
+    Raises
+    ------
+    UsageError : there is none of one of them.
+    """
+    if unknown := sorted(set(names) - set(stage_names())):
+        raise UsageError(
+            f"unknown stage {', '.join(unknown)}",
+            where=f"stages: {', '.join(stage_names())}",
+            consequence="nothing was done",
+            fix="name one of them",
+        )
 
 
 def process_session(
@@ -67,32 +92,26 @@ def process_session(
     force : run them even if they are up to date.
     smooth : also run the smoother (it is kept up to date once it has run).
     prototypes : the boxes; by default those kept in the session, or calibrated from the session itself.  They are kept
-        in the session.
+        in the session, from the commit of the first stage that uses them.
 
     Raises
     ------
     UsageError : an unknown stage.
     InputError : the session has not what a stage needs.
     """
+    require_stages(stages or ())
     session = open_session(path)
-    unknown = set(stages or ()) - set(stage_names())
-    if unknown:
-        raise UsageError(
-            f"unknown stage {', '.join(sorted(unknown))}", where=f"stages: {', '.join(stage_names())}"
-        )
     chosen = [stage for stage in _stages() if _wanted(stage, session, stages, smooth=smooth)]
-    if not session.has_table("markers_2d") and not session.has_table("markers_3d"):
-        return ProcessReport(
-            path=path,
-            ran=(),
-            skipped=tuple(stage.name for stage in chosen),
-            findings=("no marks of boxes in this session: there is nothing to place on the table",),
-        )
     run = _Run(session, prototypes, progress, len(chosen))
     for stage in chosen:
         run.stage(stage, force=force)
+    run.keep_prototypes()
     return ProcessReport(
-        path=path, ran=tuple(run.ran), skipped=tuple(run.skipped), findings=tuple(run.findings)
+        path=path,
+        ran=tuple(run.ran),
+        skipped=tuple(run.skipped),
+        not_applicable=run.not_applicable,
+        findings=tuple(run.findings),
     )
 
 
@@ -102,20 +121,91 @@ def _wanted(stage: Stage, session: Session, names: Sequence[str] | None, *, smoo
     return stage.name != "smooth" or smooth or session.has_table("poses_smooth")
 
 
+def _why_not(stage: Stage, session: Session) -> str:
+    """Why a stage cannot apply to a session as it is; empty if it can."""
+    for kind in stage.images:
+        if kind not in stage.optional and image_stream(session, kind) is None:
+            return f"no {kind} video in this session"
+    imported = (session.manifest.table(name) for name in stage.outputs)
+    if given := [record.name for record in imported if record is not None and not record.stage]:
+        return f"{given[0]} came with the recording"
+    seen = has_marks(session)
+    by_depth = "depth" in stage.images and image_stream(session, "depth") is not None
+    if not seen and not by_depth and any(name in stage.inputs for name in MARKS):
+        return "no markers in this session"
+    if stage.name != "track" and seen and "camera" in stage.parameters.__dataclass_fields__:
+        tracked = any(r is not None and r.stage for r in map(session.manifest.table, MARKS))
+        if tracked and color_camera(session) is None:
+            return "nothing is known of the colour camera: its calibration is needed to measure"
+    for name in stage.inputs:
+        if name not in {CLOCK, *stage.optional} and not session.has_table(name):
+            return f"no table {name}" if seen else f"no markers in this session, and no table {name}"
+    return ""
+
+
+def made_by(session: Session) -> dict[str, str]:
+    """The tables of a session that stages made, each with the name of its stage."""
+    known = {name: stage.name for stage in _stages() for name in stage.outputs}
+    return {r.name: known[r.name] for r in session.manifest.tables if r.stage and r.name in known}
+
+
 def stale_tables(session: Session) -> Iterator[tuple[str, str]]:
-    """Derived tables that a stage would make anew, with the inputs that have changed (or ``its stage``)."""
-    by_output = {name: stage for stage in _stages() for name in stage.outputs}
-    for record in session.manifest.tables:
-        stage = by_output.get(record.name)
-        if stage is None or not record.stage:
-            continue
-        now = input_hashes(session, stage)
-        changed = sorted(name for name, value in now.items() if record.inputs.get(name) != value)
-        changed += sorted(set(record.inputs) - set(now))
-        if record.stage != stage.name or record.stage_version != str(stage.version):
-            changed.append("its stage")
-        if changed:
-            yield record.name, ", ".join(changed)
+    """Derived tables that their stage would make anew, and what has changed since they were made.
+
+    Raises
+    ------
+    InputError : the session's camera or its prototypes are not valid.
+    StoreError : the annotation's tables cannot be read.
+    """
+    stages = {stage.name: stage for stage in _stages()}
+    boxes = kept_prototypes(session)
+    for table, name in made_by(session).items():
+        parameters = recorded(stages[name], parameters_of(session, stages[name], boxes))
+        if changed := _changes(session, table, stages[name], parameters, input_hashes(session, stages[name])):
+            yield table, ", ".join(changed)
+
+
+def _changes(
+    session: Session, table: str, stage: Stage, parameters: Mapping[str, object], hashes: Mapping[str, str]
+) -> list[str]:
+    """What has changed since the stage made the table; empty if the table is what the stage would make."""
+    record = session.manifest.table(table)
+    if record is None or not _can_be_read(session, record):
+        return ["its file"]
+    changed = sorted(name for name, value in hashes.items() if record.inputs.get(name) != value)
+    changed += sorted(set(record.inputs) - set(hashes))
+    if record.stage != stage.name or record.stage_version != str(stage.version):
+        changed.append("its stage")
+    names = sorted(parameters.keys() | record.parameters.keys())
+    differ = (name for name in names if _json(parameters.get(name)) != _json(record.parameters.get(name)))
+    return changed + [f"parameter {name}" for name in differ]
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _can_be_read(session: Session, record: TableRecord) -> bool:
+    """Whether the table's file is there, whole enough to be opened, and what its record says."""
+    try:
+        return session.snapshot.read_table(record, lambda _: True)
+    except EcatError:
+        return False
+
+
+def parameters_of(session: Session, stage: Stage, prototypes: Sequence[BoxPrototype]) -> Any:
+    """The parameters of a stage, of its own class, for a session with these boxes."""
+    fields = stage.parameters.__dataclass_fields__
+    values: dict[str, Any] = {}
+    if "prototypes" in fields:
+        values["prototypes"] = tuple(prototypes)
+    if "camera" in fields:
+        values["camera"] = session_camera(session)
+    if "objects" in fields:
+        values["objects"] = box_objects(annotated_objects(session), prototypes)
+    if "surface" in fields:
+        values["surface"] = table_surface(session)
+    return stage.parameters(**values)
 
 
 class _Run:
@@ -126,47 +216,31 @@ class _Run:
     ) -> None:
         self.ran: list[str] = []
         self.skipped: list[str] = []
+        self.not_applicable: dict[str, str] = {}
         self.findings: list[str] = []
         self._session = session
         self._progress = progress
         self._total = total
-        self._prototypes = self._boxes(prototypes)
-
-    def _boxes(self, given: Sequence[BoxPrototype] | None) -> tuple[BoxPrototype, ...]:
-        kept = tuple(BoxPrototype.from_dict(box) for box in self._session.manifest.prototypes)
-        boxes = tuple(given) if given is not None else kept or self._calibrated()
-        if boxes != kept:
-            with self._session.write() as commit:
-                commit.put_prototypes([box.to_dict() for box in boxes])
-        return boxes
-
-    def _calibrated(self) -> tuple[BoxPrototype, ...]:
-        from ecat.model.prototype import NOMINAL_BOXES
-        from ecat.process.prototypes import recording_of
-        from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes
-
-        self._progress("calibrating the boxes", 0, self._total)
-        recording = recording_of(self._session, table_surface(self._session))
-        try:
-            if recording is not None:
-                parameters = CalibrationParameters(camera=session_camera(self._session))
-                return calibrate_boxes([recording], parameters).prototypes
-        except InputError as error:
-            self.findings.append(f"{error.what}: {error.where}; nominal boxes were used")
-        return NOMINAL_BOXES
+        self._prototypes = None if prototypes is None else tuple(prototypes)
 
     def stage(self, stage: Stage, *, force: bool) -> None:
-        """Run one stage if it is out of date."""
-        self._progress(stage.name, len(self.ran) + len(self.skipped), self._total)
+        """Run one stage if it applies and is out of date."""
         session = self._session
-        parameters = self._parameters(stage)
-        said = _jsonable(parameters)
+        if why := _why_not(stage, session):
+            self.not_applicable[stage.name] = why
+            return
+        self._say(stage.name)
+        boxes = self._boxes(stage)
+        parameters = parameters_of(session, stage, boxes)
+        said = recorded(stage, parameters)
         hashes = input_hashes(session, stage)
-        if not force and all(_is_current(session, name, stage, said, hashes) for name in stage.outputs):
+        if not force and not any(_changes(session, name, stage, said, hashes) for name in stage.outputs):
             self.skipped.append(stage.name)
             return
-        made = stage.run(_inputs(session, stage), parameters)
+        made = _computed(session, stage, parameters)
         with session.write() as commit:
+            if "prototypes" in said and boxes is self._prototypes:
+                commit.put_prototypes([box.to_dict() for box in boxes])
             for name, table in made.items():
                 commit.put_table(
                     name,
@@ -178,100 +252,62 @@ class _Run:
                         inputs=hashes,
                     ),
                 )
+            if PROPOSED & made.keys():
+                commit.put_layer(proposed_layer(session, made, boxes))
         self.ran.append(stage.name)
-        self._progress(stage.name, len(self.ran) + len(self.skipped), self._total)
+        self._say(stage.name)
 
-    def _parameters(self, stage: Stage) -> Any:
-        known = {
-            "prototypes": self._prototypes,
-            "camera": session_camera(self._session),
-            "surface": table_surface(self._session),
-        }
-        fields = stage.parameters.__dataclass_fields__
-        return stage.parameters(**{name: value for name, value in known.items() if name in fields})
+    def keep_prototypes(self) -> None:
+        """Keep boxes that were given even if no stage had to run for them."""
+        boxes = [box.to_dict() for box in self._prototypes or ()]
+        if (
+            boxes
+            and len(self.not_applicable) < self._total
+            and boxes != list(self._session.manifest.prototypes)
+        ):
+            with self._session.write() as commit:
+                commit.put_prototypes(boxes)
 
+    def _say(self, what: str) -> None:
+        done = len(self.ran) + len(self.skipped) + len(self.not_applicable)
+        self._progress(what, done, self._total)
 
-def _inputs(session: Session, stage: Stage) -> dict[str, pa.Table]:
-    found: dict[str, pa.Table] = {}
-    for name in stage.inputs:
-        if name == CLOCK:
-            found[name] = clock_table(session)
-        elif session.has_table(name):
-            found[name] = session.table(name).to_arrow()
-        elif name not in stage.optional:
-            raise InputError(
-                f"cannot run the stage {stage.name} on {session.name}",
-                where=f"there is no table {name}",
-                consequence="nothing was changed",
-                fix=f"ecat process {session.path}",
-            )
-    return found
+    def _boxes(self, stage: Stage) -> tuple[BoxPrototype, ...]:
+        if self._prototypes is None:
+            kept = kept_prototypes(self._session)
+            if not kept and "markers_2d" in stage.outputs:
+                return NOMINAL_BOXES  # to be measured once their marks are known
+            self._prototypes = kept or self._calibrated()
+        return self._prototypes
 
-
-def clock_table(session: Session) -> pa.Table:
-    """Every frame of the session with its time: columns ``frame`` int32, ``t_ns`` int64 (null without a clock)."""
-    manifest = session.manifest
-    n = manifest.n_frames
-    for name in ("markers_2d", "markers_3d"):
-        # marks beyond the end of a recording of known length are mistakes; ecat check names them
-        if not manifest.n_frames and session.has_table(name):
-            frames = session.table(name, columns=["frame"]).to_arrow()["frame"]
-            n = max(n, int(np.asarray(frames).max(initial=-1)) + 1)
-    if n > MAX_FRAMES:
-        raise LimitError(
-            f"cannot process {session.name}",
-            where=f"{n:,} frames, at most {MAX_FRAMES:,} are placed at once",
-            consequence="nothing was changed",
-            fix="ecat check says whether the number can be right; split a longer recording",
-        )
-    times = [manifest.clock.t_ns(frame, manifest.n_frames) for frame in range(n)]
-    return pa.table({"frame": pa.array(range(n), pa.int32()), "t_ns": pa.array(times, pa.int64())})
+    def _calibrated(self) -> tuple[BoxPrototype, ...]:
+        self._say("calibrating the boxes")
+        recording = recording_of(self._session, table_surface(self._session))
+        try:
+            if recording is not None:
+                return boxes_in([recording], session_camera(self._session))
+        except InputError as error:
+            self.findings.append(f"{error.what}: {error.where}; nominal boxes were used")
+        return NOMINAL_BOXES
 
 
-def input_hashes(session: Session, stage: Stage) -> dict[str, str]:
-    """The hash of each input of a stage that is there."""
-    hashes: dict[str, str] = {}
-    for name in stage.inputs:
-        record = session.manifest.table(name)
-        if name == CLOCK:
-            clock = session.manifest.clock
-            hashes[name] = _hash([clock.rule, clock.duration_ns, session.manifest.n_frames])
-        elif name == SURFACE and record is not None:
-            rows = session.table(name).to_arrow().to_pylist()
-            hashes[name] = _hash([row for row in rows if row["dimensions"] == 3])
-        elif record is not None:
-            hashes[name] = record.sha256
-    return hashes
-
-
-def _hash(value: object) -> str:
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def _is_current(
-    session: Session, table: str, stage: Stage, parameters: dict[str, object], hashes: Mapping[str, str]
-) -> bool:
-    record = session.manifest.table(table)
-    return (
-        record is not None
-        and record.stage == stage.name
-        and record.stage_version == str(stage.version)
-        and json.dumps(record.parameters, sort_keys=True) == json.dumps(parameters, sort_keys=True)
-        and record.inputs == dict(hashes)
-        and _can_be_read(session, table)
-    )
-
-
-def _can_be_read(session: Session, table: str) -> bool:
-    """Whether the table's file is there and whole enough to be opened."""
+def _computed(session: Session, stage: Stage, parameters: Any) -> dict[str, pa.Table]:
+    tables = stage_inputs(session, stage)
     try:
-        return session.table(table).num_rows >= 0 and len(session.table(table).schema) > 0
-    except EcatError:
-        return False
+        # what is not finite in the end is null in the table; how it came about is nobody's concern
+        with np.errstate(all="ignore"), stage_images(session, stage) as images:
+            return stage.run(tables, images, parameters)
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            f"cannot run the stage {stage.name} on {session.name}",
+            where=f"the data admit no solution ({error})",
+            consequence="nothing was changed",
+            fix=f"ecat check {session.path}",
+        ) from error
 
 
-def _jsonable(parameters: Any) -> dict[str, object]:
-    """A parameters dataclass as JSON-able data; arrays become lists."""
+def recorded(stage: Stage, parameters: Any) -> dict[str, object]:
+    """The parameters of a stage as they are kept with its tables: JSON-able data, arrays as lists."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
@@ -282,4 +318,4 @@ def _jsonable(parameters: Any) -> dict[str, object]:
             return value.tolist()
         return value.item() if isinstance(value, np.generic) else value
 
-    return plain(asdict(parameters))
+    return plain(asdict(stage.recorded(parameters)))

@@ -8,8 +8,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ecat.errors import EcatError, FormatError, InputError, LimitError, os_error
+import numpy as np
+
+from ecat.errors import EcatError, FormatError, InputError, LimitError, SchemaError, os_error
 from ecat.model.prototype import BoxPrototype
+from ecat.process.inputs import has_marks, sane, session_camera, table_surface
 from ecat.progress import Progress, silent
 from ecat.store import Session, open_session, staged_file, write_new_file
 
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from ecat.stages.calibrate import Recording
 
 MAX_BYTES = 4 << 20
+MAX_BOXES = 1000
+_MAX_PROBLEMS = 100
 _VERSION = 1
 _HEAD = b'{\n  "version"'
 
@@ -36,8 +41,8 @@ def read_prototypes(path: Path) -> tuple[BoxPrototype, ...]:
     Raises
     ------
     FormatError : the file is not JSON of that kind.
-    SchemaError : a prototype in it is not valid; every problem is listed.
-    LimitError : it is larger than 4 MiB.
+    SchemaError : a prototype in it is not valid (every problem is listed), or it is of another version.
+    LimitError : it is larger than 4 MiB, or has more than a thousand boxes.
     """
     what = f"cannot read the prototypes in {path}"
     try:
@@ -55,20 +60,52 @@ def read_prototypes(path: Path) -> tuple[BoxPrototype, ...]:
         document = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise FormatError(what, where=str(error), fix="name a file written by ecat calibrate") from None
-    if not isinstance(document, dict) or not isinstance(document.get("boxes"), list) or not document["boxes"]:
-        raise FormatError(
-            what, where='expected {"version": 1, "boxes": [...]}', fix="ecat calibrate writes such a file"
+    known = isinstance(document, dict) and isinstance(document.get("boxes"), list) and "version" in document
+    if not known or not document["boxes"]:
+        where = f'expected {{"version": {_VERSION}, "boxes": [...]}}'
+        raise FormatError(what, where=where, fix="ecat calibrate writes such a file")
+    version = document["version"]
+    if type(version) is not int or version != _VERSION:
+        newer = isinstance(version, int) and version > _VERSION
+        raise SchemaError(
+            what,
+            problems=(f"version: {str(version)[:20]}, this ecat knows version {_VERSION}",),
+            consequence="no prototype was loaded",
+            fix="upgrade ecat" if newer else "calibrate the boxes again",
         )
-    return tuple(BoxPrototype.from_dict(box) for box in document["boxes"])
+    return _boxes_of(document["boxes"], what)
 
 
-def session_camera(session: Session) -> Camera:
-    """The colour camera of a session: its own, or a typical Kinect v2."""
-    from ecat.geometry.cameras import KINECT_V2_COLOR
-    from ecat.geometry.records import camera_of
+def _boxes_of(rows: Sequence[object], what: str) -> tuple[BoxPrototype, ...]:
+    if len(rows) > MAX_BOXES:
+        where = f"{len(rows):,} boxes, at most {MAX_BOXES:,} are read"
+        raise LimitError(what, where=where, fix="name a file written by ecat calibrate")
+    boxes: list[BoxPrototype] = []
+    problems: list[str] = []
+    for i, box in enumerate(rows):
+        try:
+            boxes.append(BoxPrototype.from_dict(box))
+        except SchemaError as error:
+            problems += [f"boxes[{i}].{problem}" for problem in error.problems]
+    if problems:
+        raise SchemaError(
+            what,
+            problems=tuple(problems[:_MAX_PROBLEMS]),
+            consequence="no prototype was loaded",
+            fix="calibrate the boxes again, or correct the fields named above",
+        )
+    return tuple(boxes)
 
-    record = session.manifest.camera("color")
-    return camera_of(record) if record is not None else KINECT_V2_COLOR
+
+def kept_prototypes(session: Session) -> tuple[BoxPrototype, ...]:
+    """The boxes kept in a session.
+
+    Raises
+    ------
+    SchemaError : one of them is not valid; every problem is listed.
+    """
+    what = f"cannot use the prototypes of {session.name}"
+    return _boxes_of(session.manifest.prototypes, what)
 
 
 def recording_of(session: Session, surface: str = "") -> Recording | None:
@@ -78,37 +115,62 @@ def recording_of(session: Session, surface: str = "") -> Recording | None:
 
     if not session.has_table("markers_2d"):
         return None
-    marks_3d = session.table("markers_3d").to_arrow() if session.has_table("markers_3d") else None
-    polygon = polygon_points(session.keyframes.to_arrow(), surface)
-    return Recording(session.table("markers_2d").to_arrow(), marks_3d, polygon)
-
-
-def table_surface(session: Session) -> str:
-    """The object that is the table: its type or its name says so; empty if none does."""
-    for row in session.objects.to_arrow().to_pylist():
-        if row["dimensions"] == 3 and "table" in (row["semantic_type"].lower(), row["name"].strip().lower()):
-            return str(row["object_id"])
-    return ""
+    marks_3d = sane(session.table("markers_3d").to_arrow()) if session.has_table("markers_3d") else None
+    polygon = polygon_points(sane(session.keyframes.to_arrow()), surface)
+    return Recording(sane(session.table("markers_2d").to_arrow()), marks_3d, polygon)
 
 
 def calibrate_together(
     paths: Sequence[Path], progress: Progress = silent
 ) -> dict[Path, tuple[BoxPrototype, ...]]:
-    """Boxes for the sessions that have marks but no boxes yet, those of one camera calibrated together.
+    """Boxes for the sessions that have marks but no boxes yet, from all sessions of the same camera together.
 
-    The more sessions show a box, the better it is known.  Sessions whose boxes cannot be calibrated are left out.
+    The more sessions show a box, the better it is known; and what an interrupted run left undone gets the boxes that
+    it would have got.  Sessions whose boxes cannot be calibrated are left out.
     """
-    by_camera: dict[str, list[Path]] = {}
+    by_camera: dict[str, list[Session]] = {}
     for path in paths:
+        # what is wrong with a session is said where that session is processed
         with contextlib.suppress(EcatError):
             session = open_session(path)
-            if session.has_table("markers_2d") and not session.manifest.prototypes:
-                by_camera.setdefault(repr(session.manifest.camera("color")), []).append(path)
+            if has_marks(session):
+                by_camera.setdefault(repr(session.manifest.camera("color")), []).append(session)
     found: dict[Path, tuple[BoxPrototype, ...]] = {}
     for group in by_camera.values():
+        bare = [session.path for session in group if not session.manifest.prototypes]
+        if not bare:
+            continue
+        recordings: list[Recording] = []
+        for done, session in enumerate(group):
+            progress("reading marks", done, len(group))
+            with contextlib.suppress(EcatError):
+                recording = recording_of(session, table_surface(session))
+                recordings += [recording] if recording is not None else []
+        progress("calibrating the boxes", len(group), len(group))
         with contextlib.suppress(InputError):
-            found |= dict.fromkeys(group, calibrate(group, progress))
+            found |= dict.fromkeys(bare, boxes_in(recordings, session_camera(group[0])))
     return found
+
+
+def boxes_in(recordings: Sequence[Recording], camera: Camera) -> tuple[BoxPrototype, ...]:
+    """The boxes of the recordings, calibrated together.
+
+    Raises
+    ------
+    InputError : no box shows two faces at once often enough, or the marks are so that no box fits them.
+    """
+    from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes
+
+    try:
+        with np.errstate(all="ignore"):
+            return calibrate_boxes(recordings, CalibrationParameters(camera=camera)).prototypes
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "cannot calibrate the boxes",
+            where=f"no box fits the marks ({error})",
+            consequence="no prototype was made",
+            fix="ecat check says which marks cannot be right",
+        ) from error
 
 
 def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPrototype, ...]:
@@ -118,19 +180,17 @@ def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPr
     ------
     InputError : no session shows a box from two sides, or their cameras differ.
     """
-    from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes
-
     recordings: list[Recording] = []
     cameras: dict[str, Camera] = {}
     found = list(paths)
     for done, path in enumerate(found):
-        progress(path.name, done, len(found))
+        progress("reading marks", done, len(found))
         session = open_session(path)
         recording = recording_of(session, table_surface(session))
         if recording is not None:
             recordings.append(recording)
             cameras[repr(session.manifest.camera("color"))] = session_camera(session)
-    progress("calibrating", len(found), len(found))
+    progress("calibrating the boxes", len(found), len(found))
     if not recordings:
         raise InputError(
             "cannot calibrate the boxes",
@@ -145,4 +205,4 @@ def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPr
             consequence="no prototype was made",
             fix="calibrate the sessions of one camera at a time",
         )
-    return calibrate_boxes(recordings, CalibrationParameters(camera=next(iter(cameras.values())))).prototypes
+    return boxes_in(recordings, next(iter(cameras.values())))

@@ -34,14 +34,55 @@ def test_a_uniform_clock_with_a_frame_rate_that_no_camera_has_is_found(case: Cas
     case.tables.clear()
     clock = Clock(rule="uniform", duration_ns=int(duration_s * SECOND))
     case.manifest = replace(case.manifest, clock=clock)
-    assert codes(case) == ["clock-rate"]
+    assert codes(case) == ["clock-unknown", "clock-rate"]
 
 
 @pytest.mark.parametrize("duration_s", [118.0, 4.0, 0.5])
 def test_frame_rates_from_1_to_240_are_fine(case: Case, duration_s: float) -> None:
     case.tables.clear()
     case.manifest = replace(case.manifest, clock=Clock(rule="uniform", duration_ns=int(duration_s * SECOND)))
-    assert codes(case) == []
+    assert codes(case) == ["clock-unknown"]
+
+
+@pytest.mark.parametrize(
+    ("clock", "what"),
+    [
+        (Clock(), "the times of frames are unknown"),
+        (
+            Clock(rule="uniform", duration_ns=4 * SECOND),
+            "times follow from the number of frames and the duration, as there is no table frames",
+        ),
+    ],
+)
+def test_without_recorded_times_it_is_said_what_was_not_looked_for(
+    case: Case, clock: Clock, what: str
+) -> None:
+    case.tables.clear()
+    case.manifest = replace(case.manifest, clock=clock)
+    (finding,) = examine(case.patient)
+    assert (finding.severity, finding.code) == ("note", "clock-unknown")
+    assert finding.message == f"{what}: gaps, drift and repeated frames were not looked for"
+
+
+def test_streams_whose_time_stands_still_are_no_reason_to_fail(case: Case) -> None:
+    def stop(columns: dict[str, Any]) -> None:
+        columns["t_ns"] = [
+            0 if stream == "color" else t
+            for t, stream in zip(columns["t_ns"], columns["stream"], strict=True)
+        ]
+
+    case.change("frames", stop)
+    assert "clock-drift" not in codes(case)
+
+
+@pytest.mark.parametrize("edge", [2**63 - 1, -(2**63)])
+def test_times_at_the_end_of_their_range_do_not_overflow(case: Case, edge: int) -> None:
+    def far(columns: dict[str, Any]) -> None:
+        columns["t_ns"][-1], columns["frame"][-1] = edge, 2**31 - 1
+        columns["t_ns"][0], columns["frame"][0] = 0, -(2**31)
+
+    case.change("frames", far)
+    assert codes(case)
 
 
 def test_negative_durations_are_an_error(case: Case) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,9 +15,12 @@ import pytest
 from ecat.check import Finding, check, repair
 from ecat.errors import NotFoundError
 from ecat.model import AnnotatedObject, Layer, Manifest, ProjectManifest, Stream
-from ecat.process.graph import input_hashes
+from ecat.model.prototype import NOMINAL_BOXES
+from ecat.process.graph import parameters_of, recorded
+from ecat.process.inputs import input_hashes
 from ecat.stages import STAGES
 from ecat.store import Draft, TableData, create_project, create_session, open_session
+from ecat.tables import PUBLISHED
 
 if TYPE_CHECKING:
     from conftest import Case
@@ -43,9 +48,11 @@ def project(tmp_path: Path, case: Case) -> Path:
         data=case.tables["poses"],
         stage=stage.name,
         stage_version=str(stage.version),
+        parameters=recorded(stage, parameters_of(session, stage, NOMINAL_BOXES)),
         inputs=input_hashes(session, stage),
     )
     with session.write() as commit:
+        commit.put_prototypes([box.to_dict() for box in NOMINAL_BOXES])
         commit.put_table("poses", poses)
     other = Layer(objects=(AnnotatedObject(id="o7"),))
     create_session(
@@ -124,7 +131,7 @@ def test_a_broken_session_does_not_hide_the_others(project: Path, session: Path)
     assert [finding.code for finding in check(project)] == [
         "session-unreadable",
         "stream-damaged",
-        "dangling-session-reference",
+        "reference-unchecked",
     ]
 
 
@@ -132,7 +139,7 @@ def test_annotations_edited_by_hand_are_taken_over(session: Path) -> None:
     rewrite(session / "annotations/main.xml", "Pepsi", "Shell")
     finding = only(check(session))
     assert (finding.severity, finding.code, finding.place) == ("error", "layer-edited", "layer main")
-    assert repair(session, [finding]) == [finding]
+    assert repair(session, [finding]).done == [finding]
     assert check(session) == []
     assert open_session(session).objects.to_arrow()["name"].to_pylist() == [
         "Shell",
@@ -170,11 +177,18 @@ def test_a_damaged_table_of_the_annotations_is_published_anew(session: Path) -> 
     assert check(session) == []
 
 
-def test_a_damaged_table_of_a_stage_says_how_to_make_it_anew(session: Path) -> None:
+def test_a_damaged_table_of_a_stage_can_be_made_anew(session: Path) -> None:
     (session / "tables/poses.parquet").write_bytes(b"PAR1")
     finding = only(check(session))
+    assert (finding.code, finding.repair) == ("table-damaged", "run the stage that made it again")
+    assert finding.fix == f"ecat check {session} --repair"
+
+
+def test_a_damaged_table_that_was_imported_cannot_be_made_anew(session: Path) -> None:
+    (session / "tables/markers_2d.parquet").unlink()
+    finding = only(check(session))
     assert (finding.code, finding.repair) == ("table-damaged", "")
-    assert finding.message.endswith("make it anew: ecat process --stage pose --force")
+    assert "ecat import RECORDING NEW_FOLDER" in finding.fix
 
 
 def test_damage_that_hides_in_the_middle_of_a_table_is_found_by_reading_it(session: Path) -> None:
@@ -210,7 +224,94 @@ def test_a_table_made_from_an_older_table_is_stale(session: Path, case: Case) ->
         commit.put_table("markers_2d", TableData(data=case.tables["markers_2d"]))
     finding = only(check(session))
     assert (finding.severity, finding.code, finding.place) == ("warning", "table-stale", "table poses")
-    assert finding.message == "it was made from an older markers_2d; run ecat process"
+    assert finding.message == "changed since it was made: markers_2d"
+    assert finding.repair == "run the stage that made it again"
+
+
+def test_a_table_made_with_other_parameters_is_stale(session: Path) -> None:
+    opened = open_session(session)
+    color, depth = opened.manifest.cameras
+    with opened.write() as commit:
+        commit.update(cameras=(replace(color, cx_px=0.0), depth))
+    finding = only(check(session))
+    assert (finding.code, finding.message) == ("table-stale", "changed since it was made: parameter camera")
+
+
+def test_a_manifest_that_lost_its_tables(session: Path) -> None:
+    change_manifest(session, lambda content: content.update(tables=[]))
+    found = check(session)
+    published = {f.place.removeprefix("table ") for f in found if f.code == "table-missing"}
+    assert published == {schema.name for schema in PUBLISHED}
+    unlisted = {f.place for f in found if f.code == "table-unlisted"}
+    assert unlisted == {f"table {name}" for name in ("frames", "markers_2d", "markers_3d", "poses")}
+    repair(session, found)
+    assert {f.code for f in check(session)} == {"table-unlisted", "clock-missing"}
+
+
+def test_files_in_the_tables_folder_that_are_no_tables_of_ecat_are_no_finding(session: Path) -> None:
+    (session / "tables/mine.parquet").write_bytes(b"PAR1")
+    assert check(session) == []
+
+
+@pytest.mark.parametrize("size", [None, 4])
+@pytest.mark.parametrize(
+    ("make", "what"), [(Path.mkdir, "a folder"), (os.mkfifo, "a pipe or a device")], ids=["folder", "pipe"]
+)
+def test_a_stream_that_is_no_file(
+    session: Path, make: Callable[[Path], None], what: str, size: int | None
+) -> None:
+    def forget(content: dict[str, Any]) -> None:
+        content["streams"][0]["size_bytes"] = size
+
+    change_manifest(session, forget)
+    (session / "media/video.avi").unlink()
+    make(session / "media/video.avi")
+    for deep in (False, True):
+        finding = only(check(session, deep=deep))
+        assert (finding.severity, finding.code, finding.place) == ("error", "stream-damaged", "stream color")
+        assert finding.message == f"media/video.avi is {what}, not a file"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("distortion", [0.1, 0.2]),
+        ("rotation", [0, 0, 0, 0]),
+        ("fx_px", 0),
+        ("fy_px", -500),
+        ("cx_px", 1e308),
+        ("translation_m", [0, 0, 1e9]),
+    ],
+)
+def test_cameras_that_cannot_be(session: Path, field: str, value: Any) -> None:
+    change_manifest(session, lambda content: content["cameras"][1].update({field: value}))
+    finding = only(check(session))
+    assert (finding.severity, finding.code, finding.place) == ("error", "camera-value", "camera depth")
+    assert finding.message.startswith(f"cameras[1].{field}: expected ")
+
+
+@pytest.mark.parametrize("size", [[0, 1, 1], [-1, 1, 1], [11, 1, 1]])
+def test_prototypes_that_cannot_be(session: Path, size: list[float]) -> None:
+    change_manifest(session, lambda content: content["prototypes"][2].update(size_m=size))
+    finding = only(check(session))
+    assert (finding.code, finding.place) == ("prototype-value", "session.json")
+    assert finding.message.startswith("prototypes[2].size_m: expected three positive lengths")
+
+
+def test_objects_are_not_missed_where_a_layer_cannot_be_read(session: Path) -> None:
+    (session / "annotations/main.xml").write_text("<annotation>", "utf-8")
+    found = check(session)
+    assert {f.code for f in found} == {"layer-unreadable", "reference-unchecked"}
+    notes = [f for f in found if f.code == "reference-unchecked"]
+    assert {f.place for f in notes} == {"table markers_2d", "table markers_3d", "table poses"}
+    assert notes[0].message == "objects o1, o2 were not looked for in layer main, which cannot be read"
+
+
+def test_a_path_with_spaces_is_quoted_in_what_to_do(session: Path) -> None:
+    place = session.rename(session.parent / "my session")
+    (place / "media/video.avi").unlink()
+    (place / "tables/poses.parquet").unlink()
+    assert f"ecat check '{place}' --repair" in [finding.fix for finding in check(place)]
 
 
 def test_files_that_an_interrupted_write_left_behind_are_removed(session: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 from ecat.check import examine
 
 if TYPE_CHECKING:
@@ -180,3 +182,34 @@ def test_sessions_without_a_length_or_a_clock_are_examined_all_the_same(case: Ca
     case.tables.pop("frames")
     case.manifest = replace(case.manifest, n_frames=0, clock=replace(case.manifest.clock, rule="unknown"))
     assert codes(case) == []
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1.1e6])
+@pytest.mark.parametrize(
+    ("name", "column"), [("markers_2d", "u2_px"), ("markers_3d", "z0"), ("poses", "x"), ("poses", "qw")]
+)
+def test_numbers_that_are_no_place_are_an_error_and_count_as_missing(
+    case: Case, name: str, column: str, value: float
+) -> None:
+    def far(columns: dict[str, Any]) -> None:
+        columns[column][40] = columns[column][42] = value
+
+    case.change(name, far)
+    (finding,) = examine(case.patient)
+    assert (finding.severity, finding.code, finding.place) == ("error", "mark-absurd", f"table {name}")
+    assert finding.message == f"2 numbers are no places (beyond 1,000,000), in column {column}"
+
+
+def test_numbers_that_are_all_absurd_do_no_harm(case: Case) -> None:
+    for name in ("markers_2d", "markers_3d", "poses"):
+
+        def fill(columns: dict[str, Any]) -> None:
+            for column, values in columns.items():
+                if isinstance(values[0], float):
+                    values[:] = [1e308 if i % 2 else -1e308 for i in range(len(values))]
+                elif column == "frame":
+                    values[-1] = 2**31 - 1
+                    values[0] = -(2**31)
+
+        case.change(name, fill)
+    assert {"mark-absurd", "mark-outside"} <= set(codes(case))

@@ -14,7 +14,9 @@ MOVIES = "ecat_movies/Annotation/VanLuanMovieWorkspace/0009_Forrest_Gump"
 def test_the_kinect_sessions(shared: Path, tmp_path: Path) -> None:
     """One frame without depth; and their recorder wrote some of its buffers twice."""
     import_source(shared / "ecat_kinect", tmp_path / "kinect")
-    missing, *repeats = check(tmp_path / "kinect")
+    found = check(tmp_path / "kinect")
+    missing, *repeats = (finding for finding in found if finding.code != "clock-unknown")
+    assert len(found) - len(repeats) - 1 == 3  # no session has recorded times
     assert (missing.severity, missing.code, missing.session) == (
         "note",
         "depth-missing",
@@ -30,7 +32,8 @@ def test_a_reference_to_an_object_that_was_deleted_in_another_session(shared: Pa
     for clip in clips:
         shutil.copytree(shared / MOVIES / clip, tmp_path / "clips" / clip)
     import_source(tmp_path / "clips", tmp_path / "project", format="ecat-2018")
-    (finding,) = (finding for finding in check(tmp_path / "project") if finding.session == clips[1])
+    found = [finding for finding in check(tmp_path / "project") if finding.session == clips[1]]
+    (finding,) = (finding for finding in found if finding.code != "clock-unknown")
     assert (finding.severity, finding.code) == ("warning", "dangling-session-reference")
     assert finding.message == f"its argument {clips[0]}/o3: session {clips[0]} has no object o3"
 

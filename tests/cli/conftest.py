@@ -32,8 +32,9 @@ Ecat = Callable[..., Result]
 
 
 @pytest.fixture
-def ecat(capfd: pytest.CaptureFixture[str]) -> Ecat:
-    """Call the command line: ``ecat("info", path)``."""
+def ecat(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Ecat:
+    """Call the command line: ``ecat("info", path)``; however slow the machine, without lines of progress."""
+    monkeypatch.setattr("ecat.cli.output.LINE_EVERY_S", float("inf"))
 
     def call(*args: object) -> Result:
         code = main([str(arg) for arg in args])

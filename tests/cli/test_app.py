@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -59,7 +60,7 @@ def test_bad_input_is_said_in_four_lines(ecat: Ecat, install: Install) -> None:
 
 def test_with_json_the_error_is_a_document(ecat: Ecat, install: Install) -> None:
     def work() -> None:
-        raise FormatError("cannot import it", where="line 7")
+        raise FormatError("cannot import it", where="line 7", consequence="nothing was written", fix="again")
 
     install(work)
     result = ecat("formats", "--json")
@@ -70,8 +71,8 @@ def test_with_json_the_error_is_a_document(ecat: Ecat, install: Install) -> None
             "error": "FormatError",
             "what": "cannot import it",
             "where": "line 7",
-            "consequence": "",
-            "fix": "",
+            "consequence": "nothing was written",
+            "fix": "again",
         },
     }
 
@@ -90,6 +91,16 @@ def test_wrong_usage_is_exit_code_2(ecat: Ecat, args: list[str], what: str, fix:
     assert result.code == 2
     assert result.err.startswith(f"ecat: {what}")
     assert result.err.endswith(f"  nothing was done\n  try: {fix}\n")
+
+
+@pytest.mark.parametrize("args", [["--json", "formats"], ["-q", "--json", "formats"], ["formats", "--json"]])
+def test_what_every_verb_takes_may_stand_before_the_verb(ecat: Ecat, args: list[str]) -> None:
+    result = ecat(*args)
+    assert (result.code, result.json["ok"]) == (0, True)
+
+
+def test_an_option_without_a_verb_is_wrong_usage(ecat: Ecat) -> None:
+    assert ecat("--quiet").err.startswith("ecat: missing verb after --quiet\n  Usage: ecat [OPTIONS] COMMAND")
 
 
 def test_a_mistyped_verb_is_recognised(ecat: Ecat) -> None:
@@ -188,7 +199,13 @@ def test_names_cannot_steer_the_terminal(ecat: Ecat, install: Install) -> None:
         raise FormatError("cannot import \x1b[2J.avi")
 
     install(work)
-    assert ecat("formats").err == "ecat: cannot import \\x1b[2J.avi\n"
+    assert ecat("formats").err.splitlines()[0] == "ecat: cannot import \\x1b[2J.avi"
+
+
+def test_a_line_feed_in_a_name_does_not_make_a_line(ecat: Ecat, tmp_path: Path) -> None:
+    lines = ecat("info", tmp_path / "a\nb").err.splitlines()
+    assert lines[0] == "ecat: cannot find sessions in a\\nb"
+    assert len(lines) == 4
 
 
 class FakePoint:

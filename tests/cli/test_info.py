@@ -203,6 +203,13 @@ def test_a_session_without_a_clock(ecat: Ecat, tmp_path: Path) -> None:
     ]
 
 
+def test_recordings_that_do_not_say_their_length_are_not_of_length_0(ecat: Ecat, tmp_path: Path) -> None:
+    create_session(tmp_path / "p" / "bare", Draft(manifest=Manifest(name="bare", created=CREATED)))
+    printed = ecat("info", tmp_path / "p").out
+    assert "  frames     unknown" in printed
+    assert "  bare  unknown  frames" in printed
+
+
 def test_where_there_is_nothing(ecat: Ecat, tmp_path: Path) -> None:
     result = ecat("info", tmp_path / "nowhere")
     assert (result.code, result.out) == (1, "")

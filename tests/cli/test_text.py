@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import pytest
 
-from ecat.cli.text import columns, count, duration, listing
+from ecat.cli.text import columns, count, duration, listing, shell
 
 
 def test_columns_are_aligned_and_numbers_to_the_right() -> None:
@@ -44,3 +47,43 @@ def test_counts() -> None:
 
 def test_listings_start_with_the_most() -> None:
     assert listing({"rig": 1, "polygon": 1, "marker_box": 2000}) == "2,000 marker_box, 1 polygon, 1 rig"
+
+
+def installed(folder: Path, *names: str) -> Path:
+    folder.mkdir()
+    for name in names:
+        (folder / name).touch(mode=0o755)
+    return folder
+
+
+def test_a_command_is_called_by_its_name_where_the_shell_finds_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = installed(tmp_path / "bin", "python", "ecat")
+    linked = installed(tmp_path / "linked")
+    (linked / "ecat").symlink_to(ours / "ecat")
+    monkeypatch.setattr(sys, "executable", str(ours / "python"))
+    for path in (ours, linked):
+        monkeypatch.setenv("PATH", str(path))
+        assert shell("ecat", "info", "my session") == "ecat info 'my session'"
+
+
+def test_a_command_is_called_by_its_path_where_the_shell_finds_none_or_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = installed(tmp_path / ".venv", "python", "ecat")
+    other = installed(tmp_path / "other", "ecat")
+    monkeypatch.setattr(sys, "executable", str(ours / "python"))
+    for path in (other, tmp_path):
+        monkeypatch.setenv("PATH", str(path))
+        monkeypatch.chdir(tmp_path)
+        assert shell("ecat") == ".venv/ecat"
+        monkeypatch.chdir(other)
+        assert shell("ecat") == str(ours / "ecat")
+
+
+def test_a_command_that_is_not_installed_keeps_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    assert shell("ecat", "demo") == "ecat demo"

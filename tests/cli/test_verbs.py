@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from ecat import formats, process
+from ecat import formats
+from ecat.cli import main
+from ecat.cli.output import Output
+from ecat.cli.text import shell
 from ecat.errors import InputError
 from ecat.formats import ImportReport
+from ecat.model import Manifest
 from ecat.process import ProcessReport
-from ecat.store import open_session
+from ecat.progress import Progress
+from ecat.store import Draft, create_session, open_session
 
 if TYPE_CHECKING:
     from conftest import Ecat
 
 
+UNMEASURED = (
+    "note: clock: times follow from the number of frames and the duration, as there is no table frames: "
+    "gaps, drift and repeated frames were not looked for [clock-unknown]\n"
+    "  --repair leaves it as it is; nothing has to be done if the recorder wrote no times\n"
+)
+
+
 def test_check_of_a_healthy_session(ecat: Ecat, session: Path) -> None:
     result = ecat("check", session)
-    assert (result.code, result.out, result.err) == (0, "no findings\n", "")
+    assert (result.code, result.out, result.err) == (0, f"{UNMEASURED}1 note\n", "")
 
 
 def test_check_says_where_what_and_the_way_out(ecat: Ecat, session: Path) -> None:
@@ -30,11 +44,11 @@ def test_check_says_where_what_and_the_way_out(ecat: Ecat, session: Path) -> Non
     assert result.code == 0  # a warning
     assert result.out == (
         f"warning: {leftover.name}: left behind by a write that was interrupted [leftover]\n"
-        "  --repair would: remove it\n"
-        "1 warning\n"
+        f"  --repair would remove it: ecat check {session} --repair\n"
+        f"{UNMEASURED}1 warning, 1 note\n"
     )
     result = ecat("check", session, "--repair")
-    assert (result.code, result.out) == (0, f"repaired: {leftover.name}: remove it\nno findings\n")
+    assert (result.code, result.out) == (0, f"repaired: {leftover.name}: remove it\n{UNMEASURED}1 note\n")
 
 
 def test_check_of_a_sick_session_is_exit_code_1_until_it_is_repaired(ecat: Ecat, session: Path) -> None:
@@ -42,11 +56,27 @@ def test_check_of_a_sick_session_is_exit_code_1_until_it_is_repaired(ecat: Ecat,
     file.write_text(file.read_text("utf-8").replace("Shell", "Shall"), "utf-8")
     result = ecat("check", session, "--json")
     assert (result.code, result.json["ok"]) == (1, False)
-    (finding,) = result.json["findings"]
+    finding, _ = result.json["findings"]
     assert (finding["severity"], finding["code"], finding["session"]) == ("error", "layer-edited", ".")
+    assert finding["fix"] == f"ecat check {session} --repair"
     repaired = ecat("check", session, "--repair", "--json")
-    assert (repaired.code, repaired.json["findings"], len(repaired.json["repaired"])) == (0, [], 1)
+    assert (repaired.code, len(repaired.json["findings"]), len(repaired.json["repaired"])) == (0, 1, 1)
     assert "Shall" in open_session(session).objects.to_arrow()["name"].to_pylist()
+
+
+@pytest.mark.slow
+def test_a_repair_that_fails_is_said_with_the_reason(ecat: Ecat, session: Path) -> None:
+    assert ecat("process", session, "--quiet").code == 0
+    for name in ("poses", "markers_2d"):
+        (session / "tables" / f"{name}.parquet").unlink()
+    result = ecat("check", session, "--repair")
+    assert result.code == 1
+    assert result.out.startswith("not repaired: table poses: cannot read table markers_2d\n")
+    result = ecat("check", session, "--repair", "--json")
+    ((failure,), finding) = result.json["failures"], result.json["findings"][0]
+    assert failure["finding"]["place"] == "table poses"
+    assert failure["error"]["what"] == "cannot read table markers_2d"
+    assert finding["fix"].endswith("ecat import RECORDING NEW_FOLDER")
 
 
 def test_check_can_be_asked_for_the_exit_code_only(ecat: Ecat, session: Path) -> None:
@@ -93,6 +123,19 @@ def test_sample_refuses_actions_that_it_does_not_know(ecat: Ecat, tmp_path: Path
     assert not (tmp_path / "s").exists()
 
 
+@pytest.mark.parametrize(
+    ("dest", "truth"), [("s", "s"), ("s", "s/truth"), ("t/s", "t"), ("s", "file/truth"), ("s", "taken")]
+)
+def test_sample_makes_session_and_truth_or_neither(ecat: Ecat, tmp_path: Path, dest: str, truth: str) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "taken" / "by").mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    result = ecat("sample", tmp_path / dest, "--actions", "next", "--truth", tmp_path / truth)
+    assert result.code in {1, 2}
+    assert len(result.err.splitlines()) == 4
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_formats_says_what_can_be_done_with_each(ecat: Ecat) -> None:
     lines = {line.split()[0]: line.split() for line in ecat("formats").out.splitlines()}
     assert lines["ecat-2018"][1:3] == ["import", "export"]
@@ -105,6 +148,17 @@ def test_a_session_goes_out_and_comes_back(ecat: Ecat, session: Path, tmp_path: 
     assert (out.code, out.out.splitlines()[0]) == (0, f"exported 1 session (ecat-2018) to {tmp_path / 'out'}")
     back = ecat("import", tmp_path / "out", tmp_path / "back", "--json")
     assert (back.code, back.json["format"], back.json["sessions"]) == (0, "ecat-2018", 1)
+
+
+@pytest.mark.parametrize("verb", ["import", "export"])
+def test_nothing_is_written_into_what_is_read(ecat: Ecat, session: Path, verb: str) -> None:
+    before = sorted(session.rglob("*"))
+    result = ecat(verb, session, session / "media" / "new", "--format", "ecat-2018")
+    assert (result.code, result.err.splitlines()[0]) == (
+        2,
+        f"ecat: cannot write to {session / 'media' / 'new'}",
+    )
+    assert sorted(session.rglob("*")) == before
 
 
 def test_import_hands_its_options_on(ecat: Ecat, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,8 +182,8 @@ def test_import_hands_its_options_on(ecat: Ecat, tmp_path: Path, monkeypatch: py
     }
 
 
-def test_import_of_an_unknown_format_lists_those_there_are(ecat: Ecat, session: Path, tmp_path: Path) -> None:
-    result = ecat("import", session, tmp_path / "out", "--format", "betamax")
+def test_import_of_an_unknown_format_lists_those_there_are(ecat: Ecat, tmp_path: Path) -> None:
+    result = ecat("import", tmp_path / "tape", tmp_path / "out", "--format", "betamax")
     assert result.code == 2
     assert "ecat-2018" in result.err
 
@@ -141,47 +195,68 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
     def fake(path: Path, **options: Any) -> ProcessReport:
         calls.append({"path": path, **options})
-        options["progress"]("poses", 1, 2)
+        options["progress"]("pose", 1, 2)
         if path.name == "bad":
-            raise InputError("cannot run the stage poses on bad", where="there is no table markers_2d")
-        return ProcessReport(path=path, ran=("poses",), skipped=("table_plane",), findings=("a remark",))
+            raise InputError("cannot run the stage pose on bad", where="there is no table markers_2d")
+        return ProcessReport(
+            path=path,
+            ran=("plane",),
+            skipped=("pose",),
+            not_applicable={"smooth": "no poses"},
+            findings=("a remark",),
+        )
 
-    monkeypatch.setattr(process, "process_session", fake)
+    monkeypatch.setattr("ecat.process.many.process_session", fake)
+    monkeypatch.setattr("ecat.process.many.calibrate_together", lambda *_: {})
     return calls
 
 
 def test_process_hands_its_options_on(ecat: Ecat, session: Path, stages: list[dict[str, Any]]) -> None:
-    result = ecat("process", session, "--stage", "poses", "--smooth", "--force")
-    assert result.out == f"{session}: ran poses; up to date: table_plane\n  a remark\n"
+    result = ecat("process", session, "--stage", "pose", "--smooth", "--force")
+    assert result.out == (
+        f"{session}: ran plane; up to date: pose; not applicable: smooth (no poses)\n  a remark\n"
+    )
     (call,) = stages
     assert (call["stages"], call["smooth"], call["force"], call["prototypes"]) == (
-        ("poses",),
+        ("pose",),
         True,
         True,
         None,
     )
 
 
-def test_process_goes_on_after_a_session_that_fails(
+def test_process_goes_on_after_a_session_that_fails_and_a_path_that_is_wrong(
     ecat: Ecat, session: Path, stages: list[dict[str, Any]]
 ) -> None:
-    bad = shutil.copytree(session, session.parent / "bad")
-    result = ecat("process", bad, session)
+    bad, nowhere = shutil.copytree(session, session.parent / "bad"), session.parent / "nowhere"
+    result = ecat("process", bad, nowhere, session)
     assert [call["path"] for call in stages] == [bad, session]
     assert result.code == 1
-    assert "there is no table markers_2d" in result.out
-    assert result.out.endswith("1 session processed, 1 failed\n")
+    assert result.out.splitlines()[0].startswith(f"{session}: ran plane")
+    assert f"{nowhere}: cannot find sessions in nowhere" in result.out
+    assert f"{bad}: cannot run the stage pose on bad\n  there is no table markers_2d" in result.out
+    assert result.out.endswith("1 session processed, 2 failed\n")
 
 
-def test_process_as_json_has_an_entry_per_session(
+def test_process_as_json_has_a_list_of_sessions_and_one_of_failures(
     ecat: Ecat, session: Path, stages: list[dict[str, Any]]
 ) -> None:
-    bad = shutil.copytree(session, session.parent / "bad")
-    result = ecat("process", bad, session, "--json")
-    first, second = result.json["sessions"]
+    bad, nowhere = shutil.copytree(session, session.parent / "bad"), session.parent / "nowhere"
+    result = ecat("process", bad, session, nowhere, "--json")
     assert (result.code, result.json["ok"]) == (1, False)
-    assert first["error"]["error"] == "InputError"
-    assert (second["ran"], second["skipped"]) == (["poses"], ["table_plane"])
+    assert result.json["sessions"] == [
+        {
+            "path": str(session),
+            "ran": ["plane"],
+            "up_to_date": ["pose"],
+            "not_applicable": {"smooth": "no poses"},
+            "findings": ["a remark"],
+        }
+    ]
+    assert [(f["path"], f["error"]["error"]) for f in result.json["failures"]] == [
+        (str(nowhere), "NotFoundError"),
+        (str(bad), "InputError"),
+    ]
 
 
 def test_the_error_of_a_single_session_is_the_error(
@@ -190,12 +265,73 @@ def test_the_error_of_a_single_session_is_the_error(
     bad = session.rename(session.parent / "bad")
     result = ecat("process", bad)
     assert (result.code, result.out) == (1, "")
-    assert result.err.startswith("ecat: cannot run the stage poses on bad\n")
+    assert result.err.startswith("ecat: cannot run the stage pose on bad\n")
+
+
+def test_a_session_that_is_named_twice_is_processed_once(
+    ecat: Ecat, session: Path, stages: list[dict[str, Any]]
+) -> None:
+    assert ecat("process", session, session.parent, session).code == 0
+    assert [call["path"] for call in stages] == [session]
+
+
+def test_an_unknown_stage_is_a_wrong_call_however_many_sessions_there_are(ecat: Ecat, session: Path) -> None:
+    result = ecat("process", session, session.parent, "--stage", "fold")
+    assert result.code == 2
+    assert result.err.startswith("ecat: unknown stage fold\n")
+
+
+def test_progress_tells_sessions_of_the_same_name_apart(
+    session: Path, tmp_path: Path, stages: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+
+    @contextmanager
+    def listen(_: Output) -> Generator[Progress]:
+        yield lambda what, done, total: said.append(what)
+
+    monkeypatch.setattr(Output, "progress", listen)
+    for group in "ab":
+        shutil.copytree(session, tmp_path / "all" / group / "one")
+    assert main(["process", str(tmp_path / "all"), "--quiet"]) == 0
+    assert said == ["a/one (1 of 2): pose", "b/one (2 of 2): pose"]
+
+
+def test_process_says_why_a_film_is_not_processed(ecat: Ecat, tmp_path: Path) -> None:
+    create_session(tmp_path / "film", Draft(manifest=Manifest(name="film", created="2026")))
+    result = ecat("process", tmp_path / "film")
+    assert (result.code, result.err) == (0, "")
+    assert result.out == (
+        f"{tmp_path / 'film'}: not applicable: track (no color video in this session); "
+        "not applicable: plane, pose, relations, propose (no markers in this session)\n"
+    )
+
+
+@pytest.mark.slow
+def test_process_in_two_processes(ecat: Ecat, session: Path, tmp_path: Path) -> None:
+    for name in "ab":
+        shutil.copytree(session, tmp_path / "project" / name)
+    result = ecat("process", tmp_path / "project", "--jobs", 2)
+    assert result.code == 0
+    assert [line.split(": ")[1] for line in result.out.splitlines()] == [
+        "ran plane, pose, relations, propose; not applicable"
+    ] * 2
+
+
+@pytest.mark.parametrize("verb", ["info", "process", "check"])
+def test_a_file_is_not_taken_for_a_folder(ecat: Ecat, session: Path, tmp_path: Path, verb: str) -> None:
+    (tmp_path / "a film.avi").write_bytes(b"RIFF")
+    result = ecat(verb, tmp_path / "a film.avi")
+    assert result.code == 1
+    assert "it is a file, not a folder" in result.err
+    assert f"ecat import '{tmp_path / 'a film.avi'}' MY_SESSION" in result.err
+    inside = ecat(verb, session / "tables" / "events.parquet", "--json").json["error"]
+    assert inside["fix"] == f"name the folder that it belongs to: {session}"
 
 
 def test_view_can_save_a_recording(ecat: Ecat, session: Path, tmp_path: Path) -> None:
     file = tmp_path / "slide.rrd"
     result = ecat("view", session, "--save", file)
     assert (result.code, result.err) == (0, "")
-    assert result.out == f"wrote {file}\ntry: rerun {file}\n"
+    assert result.out == f"wrote {file}\ntry: {shell('rerun', file)}\n"
     assert file.read_bytes()[:4] == b"RRF2"

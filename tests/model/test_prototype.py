@@ -101,6 +101,20 @@ def test_a_face_or_a_code_occurs_once() -> None:
     }
 
 
+@pytest.mark.parametrize("length", [0, -0.1, 10.1, 1e308])
+def test_lengths_that_no_box_has_are_refused(length: float) -> None:
+    data = SHELL.to_dict()
+    data["size_m"][1] = data["faces"][0]["side_m"] = length
+    data["faces"][1]["centre"][2] = 10.1
+    assert problems(data) == {"size_m", "faces[0].side_m", "faces[1].centre"}
+
+
+def test_a_box_has_at_most_six_faces() -> None:
+    data = SHELL.to_dict()
+    data["faces"] *= 10_000
+    assert problems(data) == {"faces"}
+
+
 WRONG: list[object] = [None, True, "x", [], {}, -1, math.nan, math.inf, 10**400, [1, 2], [None] * 3, "∞"]
 
 

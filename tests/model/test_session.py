@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ecat.model import Camera, Clock, LayerRecord, Manifest, TableRecord
+from ecat.model.session import DISTORTION_LENGTHS, camera_problems
 
 FRAMES = st.integers(-5, 10**6)
 LENGTHS = st.integers(2, 10**6)
@@ -83,3 +88,41 @@ def test_parts_are_found_by_name() -> None:
         layer,
     )
     assert (manifest.camera("depth"), manifest.table("frames"), manifest.layer("gold")) == (None,) * 3
+
+
+CAMERA = Camera(name="color", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240)
+
+
+@pytest.mark.parametrize("terms", DISTORTION_LENGTHS)
+def test_cameras_with_lenses_of_any_known_length_have_no_problems(terms: int) -> None:
+    turned = replace(
+        CAMERA, distortion=(0.1,) * terms, rotation=(0.6, 0.0, 0.0, 0.8), translation_m=(1, 2, 3)
+    )
+    assert list(camera_problems(turned)) == []
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308])
+@pytest.mark.parametrize(
+    "field", ["fx_px", "fy_px", "cx_px", "cy_px", "distortion", "rotation", "translation_m"]
+)
+def test_a_value_that_no_camera_has_is_a_problem_of_its_field(field: str, value: float) -> None:
+    length = {"distortion": 4, "rotation": 4, "translation_m": 3}.get(field)
+    changes: dict[str, Any] = {field: value if length is None else (value,) * length}
+    (problem,) = camera_problems(replace(CAMERA, **changes))
+    assert problem.startswith(f"{field}: expected ")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("fx_px", 0.0),
+        ("fy_px", -500.0),
+        ("rotation", (0.0,) * 4),
+        ("rotation", (1.0,) * 4),
+        *(("distortion", (0.0,) * n) for n in (1, 2, 3, 6, 7, 9, 13, 15)),
+    ],
+)
+def test_focal_lengths_turns_and_lenses_that_cannot_be(field: str, value: object) -> None:
+    changes: dict[str, Any] = {field: value}
+    (problem,) = camera_problems(replace(CAMERA, **changes))
+    assert problem.startswith(f"{field}: expected ")

@@ -5,14 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
-from ecat.errors import LimitError, UsageError
-from ecat.model import KeyFrame, Layer
+from ecat.errors import InputError, LimitError, UsageError
+from ecat.model import Clock, KeyFrame, Layer
+from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.process import process_session, stage_names, stale_tables
-from ecat.process.graph import clock_table
+from ecat.process.inputs import clock_table
 from ecat.sample import sample_session
-from ecat.store import Draft, Session, create_session, open_session
+from ecat.stages import STAGES
+from ecat.store import Draft, Session, TableData, create_session, open_session
+from ecat.tables import MARKERS_2D, TABLES
+
+
+STAGES_BY_DEFAULT = ("plane", "pose", "relations", "propose")
+"""Those that run on a session whose markers came with it, unless smoothing is asked for."""
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +63,13 @@ def test_a_second_run_does_nothing(session: Session) -> None:
     before = session.manifest
     report = process_session(session.path)
     assert report.ran == ()
-    assert report.skipped == ("plane", "pose")
+    assert report.skipped == STAGES_BY_DEFAULT
     assert session.refresh().manifest == before
 
 
 def test_force_runs_everything_again_and_gives_the_same_bytes(session: Session) -> None:
     before = session.manifest.table("poses")
-    assert process_session(session.path, force=True).ran == ("plane", "pose")
+    assert process_session(session.path, force=True).ran == STAGES_BY_DEFAULT
     after = session.refresh().manifest.table("poses")
     assert before is not None
     assert after is not None
@@ -84,20 +93,24 @@ def test_a_moved_table_polygon_makes_plane_and_poses_stale(session: Session) -> 
     objects = tuple(replace(o, key_frames_3d=(moved,)) if o is table else o for o in layer.objects)
     edit(session, replace(layer, objects=objects))
     assert [name for name, _ in stale_tables(session.refresh())] == ["table_plane"]
-    assert process_session(session.path).ran == ("plane", "pose")
+    assert process_session(session.path).ran == STAGES_BY_DEFAULT
     assert list(stale_tables(session.refresh())) == []
 
 
 def test_other_prototypes_make_the_stages_run_again(session: Session) -> None:
-    from ecat.model.prototype import NOMINAL_BOXES
-
-    assert process_session(session.path, prototypes=NOMINAL_BOXES).ran == ("plane", "pose")
+    assert process_session(session.path, prototypes=NOMINAL_BOXES).ran == STAGES_BY_DEFAULT
     assert session.refresh().manifest.prototypes == tuple(box.to_dict() for box in NOMINAL_BOXES)
 
 
 def test_the_smoother_runs_when_asked_and_is_kept_up_to_date(session: Session) -> None:
-    assert process_session(session.path, smooth=True).ran == ("smooth",)
-    assert process_session(session.path, force=True).ran == ("plane", "pose", "smooth")
+    assert process_session(session.path, smooth=True).ran == ("smooth", "relations")
+    assert process_session(session.path, force=True).ran == (
+        "plane",
+        "pose",
+        "smooth",
+        "relations",
+        "propose",
+    )
 
 
 def test_only_the_named_stage_runs(session: Session) -> None:
@@ -110,13 +123,86 @@ def test_an_unknown_stage_is_refused_with_the_names_of_those_there_are(session: 
     assert all(name in caught.value.where for name in stage_names())
 
 
-def test_a_session_without_marks_is_left_alone(tmp_path: Path) -> None:
+def bare(path: Path) -> Session:
+    """A session with annotations, and without a single marker."""
     draft, _ = sample_session(seed=1, actions=("next",))
-    bare = Draft(manifest=draft.manifest, layers=draft.layers)
-    create_session(tmp_path / "bare", bare)
-    report = process_session(tmp_path / "bare")
-    assert report.ran == ()
-    assert "no marks" in report.findings[0]
+    return create_session(path, Draft(manifest=draft.manifest, layers=draft.layers))
+
+
+def test_stages_do_not_apply_to_a_session_without_markers(tmp_path: Path) -> None:
+    before = bare(tmp_path / "bare").manifest
+    report = process_session(tmp_path / "bare", smooth=True, prototypes=NOMINAL_BOXES)
+    assert (report.ran, report.skipped) == ((), ())
+    why = dict(report.not_applicable)
+    assert why.pop("track") == "no color video in this session"
+    assert list(why) == ["plane", "pose", "smooth", "relations", "propose"]
+    assert all(reason.startswith("no markers in this session") for reason in why.values())
+    assert open_session(tmp_path / "bare").manifest == before
+
+
+def test_poses_from_elsewhere_are_smoothed_even_without_markers(session: Session, tmp_path: Path) -> None:
+    poses = TableData(data=session.poses.to_arrow())
+    with bare(tmp_path / "bare").write() as commit:
+        commit.put_table("poses", poses)
+    report = process_session(tmp_path / "bare", smooth=True)
+    assert report.ran == ("smooth",)
+    assert list(report.not_applicable) == ["track", "plane", "pose", "relations", "propose"]
+
+
+def test_prototypes_are_kept_by_the_commit_of_the_first_stage_that_uses_them(
+    session: Session,
+) -> None:
+    """Otherwise an interruption would leave boxes that no table was made with."""
+
+    def stop(name: str, done: int, total: int) -> None:
+        if name == "pose":
+            raise KeyboardInterrupt
+
+    before = session.manifest
+    with pytest.raises(KeyboardInterrupt):
+        process_session(session.path, prototypes=NOMINAL_BOXES, progress=stop)
+    after = session.refresh().manifest
+    assert after.revision == before.revision + 1
+    assert after.prototypes == tuple(box.to_dict() for box in NOMINAL_BOXES)
+    assert {name for name, _ in stale_tables(session)} == {"poses", "relation_proposals", "event_proposals"}
+
+
+def test_a_table_made_with_other_parameters_is_stale(session: Session) -> None:
+    (camera, *others) = session.manifest.cameras
+    with session.write() as commit:
+        commit.update(cameras=(replace(camera, fx_px=camera.fx_px + 1), *others))
+    assert dict(stale_tables(session)) == dict.fromkeys(
+        ("event_proposals", "poses", "relation_proposals", "table_plane"), "parameter camera"
+    )
+    assert process_session(session.path).ran == STAGES_BY_DEFAULT
+    assert list(stale_tables(session.refresh())) == []
+
+
+def test_a_table_whose_file_is_damaged_is_stale_and_made_again(session: Session) -> None:
+    (session.path / "tables" / "poses.parquet").write_bytes(b"PAR1")
+    assert list(stale_tables(session)) == [("poses", "its file")]
+    assert process_session(session.path).ran == ("pose",)
+    assert session.refresh().poses.num_rows > 0
+
+
+def test_boxes_that_were_given_are_kept_even_if_no_stage_has_to_run(session: Session) -> None:
+    kept = session.manifest.prototypes
+    with session.write() as commit:
+        commit.put_prototypes([])
+    boxes = [BoxPrototype.from_dict(box) for box in kept]
+    assert process_session(session.path, prototypes=boxes).ran == ()
+    assert session.refresh().manifest.prototypes == kept
+
+
+def test_marks_that_no_box_fits_are_one_error(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise np.linalg.LinAlgError("singular")
+
+    (broken,) = (replace(stage, run=fail) for stage in STAGES if stage.name == "pose")
+    monkeypatch.setattr("ecat.stages.STAGES", (broken,))
+    with pytest.raises(InputError, match="cannot run the stage pose") as caught:
+        process_session(session.path, force=True)
+    assert caught.value.fix == f"ecat check {session.path}"
 
 
 def test_the_clock_has_a_row_per_frame(session: Session) -> None:
@@ -126,12 +212,27 @@ def test_the_clock_has_a_row_per_frame(session: Session) -> None:
     assert clock["t_ns"][-1].as_py() == session.manifest.clock.duration_ns
 
 
+def test_a_recorded_clock_has_the_times_of_the_colour_stream(session: Session) -> None:
+    n = session.manifest.n_frames
+    color = next(stream.name for stream in session.manifest.streams if stream.kind == "color")
+    rows = [(5 + 33_000_000 * i, i, color) for i in range(n) if i != 7] + [(0, 7, "other")]
+    columns = [list(column) for column in zip(*sorted(rows), strict=True)]
+    schema = TABLES["frames"].arrow
+    arrays = [pa.array(column).cast(field.type) for column, field in zip(columns, schema, strict=True)]
+    frames = TableData(data=pa.Table.from_arrays(arrays, schema=schema))
+    before = dict(stale_tables(session))
+    with session.write() as commit:
+        commit.update(clock=Clock(rule="recorded"))
+        commit.put_table("frames", frames)
+    t_ns = clock_table(session)["t_ns"].to_pylist()
+    assert t_ns == [None if i == 7 else 5 + 33_000_000 * i for i in range(n)]
+    assert (before, dict(stale_tables(session))) == (
+        {},
+        dict.fromkeys(("event_proposals", "poses", "relation_proposals"), "clock"),
+    )
+
+
 def test_marks_far_beyond_the_end_do_not_make_the_recording_longer(tmp_path: Path) -> None:
-    import pyarrow as pa
-
-    from ecat.store import TableData
-    from ecat.tables import MARKERS_2D
-
     draft, _ = sample_session(seed=1, actions=("next",))
     marks = draft.tables["markers_2d"].data
     assert isinstance(marks, pa.Table)

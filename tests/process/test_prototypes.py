@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.errors import EcatError, InputError, LimitError, NotFoundError
+from ecat.errors import EcatError, InputError, LimitError, NotFoundError, SchemaError
 from ecat.model.prototype import NOMINAL_BOXES
-from ecat.process import calibrate, read_prototypes, write_prototypes
-from ecat.process.prototypes import MAX_BYTES
+from ecat.process import calibrate, calibrate_together, read_prototypes, write_prototypes
+from ecat.process.prototypes import MAX_BOXES, MAX_BYTES
 from ecat.sample import sample_session
 from ecat.store import Draft, create_session
 
@@ -55,6 +56,55 @@ def test_another_file_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "boxes.json").write_text(text)
     with pytest.raises(InputError, match="prototype"):
         read_prototypes(tmp_path / "boxes.json")
+
+
+@pytest.mark.parametrize(
+    ("version", "fix"),
+    [(2, "upgrade ecat"), (0, "calibrate the boxes again"), ("1", "calibrate the boxes again")]
+    + [(value, "calibrate the boxes again") for value in (None, True, 1.0, [1])],
+)
+def test_a_file_of_another_version_is_refused(tmp_path: Path, version: object, fix: str) -> None:
+    boxes = [box.to_dict() for box in NOMINAL_BOXES]
+    (tmp_path / "boxes.json").write_text(json.dumps({"version": version, "boxes": boxes}))
+    with pytest.raises(SchemaError, match="cannot read the prototypes") as caught:
+        read_prototypes(tmp_path / "boxes.json")
+    assert caught.value.fix == fix
+
+
+def test_every_problem_of_every_box_is_named(tmp_path: Path) -> None:
+    boxes = [box.to_dict() for box in NOMINAL_BOXES]
+    boxes[0]["size_m"] = [0.1, 0, 0.1]
+    boxes[2]["faces"] *= 3334
+    (tmp_path / "boxes.json").write_text(json.dumps({"version": 1, "boxes": boxes}))
+    with pytest.raises(SchemaError) as caught:
+        read_prototypes(tmp_path / "boxes.json")
+    assert caught.value.problems == (
+        "boxes[0].size_m: expected three positive lengths in metres, at most 10",
+        "boxes[2].faces: expected a non-empty list of at most 6 faces, found 10,002",
+    )
+
+
+def test_more_boxes_than_anybody_has_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "boxes.json").write_text(json.dumps({"version": 1, "boxes": [{}] * (MAX_BOXES + 1)}))
+    with pytest.raises(LimitError, match="cannot read the prototypes"):
+        read_prototypes(tmp_path / "boxes.json")
+
+
+def test_sessions_that_have_boxes_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draft, _ = sample_session(seed=1, actions=("next",))
+    boxes = tuple(box.to_dict() for box in NOMINAL_BOXES)
+    create_session(tmp_path / "a", replace(draft, manifest=replace(draft.manifest, prototypes=boxes)))
+    monkeypatch.setattr("ecat.process.prototypes.recording_of", None)
+    assert calibrate_together([tmp_path / "a"]) == {}
+
+
+def test_a_damaged_session_does_not_keep_the_others_from_being_calibrated(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in "ab"]
+    for path in paths:
+        create_session(path, sample_session(seed=1, actions=("next",))[0])
+    alone = calibrate([paths[0]])
+    (paths[1] / "tables" / "markers_2d.parquet").write_bytes(b"PAR1")
+    assert calibrate_together(paths) == dict.fromkeys(paths, alone)
 
 
 def test_a_missing_file_and_a_huge_one_are_refused(tmp_path: Path) -> None:

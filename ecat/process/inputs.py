@@ -1,0 +1,225 @@
+"""What a stage reads of a session: its tables, the clock, the camera, the table that was drawn."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ecat.errors import InputError, LimitError
+from ecat.model import AnnotatedObject, Stream
+from ecat.model import Camera as CameraRecord
+from ecat.model.prototype import BoxPrototype
+from ecat.model.session import camera_problems
+from ecat.store import Session
+from ecat.store.media import annotated_stream, open_images
+
+if TYPE_CHECKING:
+    from ecat.geometry.cameras import Camera
+    from ecat.stages.images import Images
+    from ecat.stages.stage import Stage
+
+CLOCK = "clock"
+"""Input that is made of the manifest: every frame and its time."""
+MAX_FRAMES = 1_000_000
+"""Nine hours of video; the poses of two boxes then take about half a gigabyte."""
+MARKS = ("markers_2d", "markers_3d")
+SURFACE = "keyframes"
+"""Input that is part of the annotation: only the 3-D shapes count, so that other edits do not make a plane stale."""
+MOST_COORDINATE = 1e6
+"""Pixels or metres from the origin: what is said to be further away is nowhere, and counts as missing."""
+LENS_TERMS = 8
+"""Distortion coefficients that ecat's lens model has; OpenCV's others are for thin prisms and tilted sensors."""
+
+
+def has_marks(session: Session) -> bool:
+    """Whether any marker of a box was recorded."""
+    records = (session.manifest.table(name) for name in MARKS)
+    return any(record is not None and record.rows for record in records)
+
+
+def stage_inputs(session: Session, stage: Stage) -> dict[str, pa.Table]:
+    """The inputs of a stage that are there, without coordinates beyond ``MOST_COORDINATE``.
+
+    Raises
+    ------
+    InputError : one that the stage cannot do without is missing.
+    """
+    found: dict[str, pa.Table] = {}
+    for name in stage.inputs:
+        if name == CLOCK:
+            found[name] = clock_table(session)
+        elif session.has_table(name):
+            found[name] = sane(session.table(name).to_arrow())
+        elif name not in stage.optional:
+            raise InputError(
+                f"cannot run the stage {stage.name} on {session.name}",
+                where=f"there is no table {name}",
+                consequence="nothing was changed",
+                fix=f"ecat process {session.path}",
+            )
+    return found
+
+
+def image_stream(session: Session, kind: str) -> Stream | None:
+    """The stream of this kind that stages look at: of colour the annotated one, otherwise the first that is there."""
+    annotated = annotated_stream(session.manifest)
+    if annotated is not None and annotated.kind == kind and annotated.present:
+        return annotated
+    return next((s for s in session.manifest.streams if s.kind == kind and s.present), None)
+
+
+@contextmanager
+def stage_images(session: Session, stage: Stage) -> Generator[dict[str, Images]]:
+    """The streams that a stage looks at, by kind, opened; those that the session has not are missing."""
+    with ExitStack() as opened:
+        found: dict[str, Images] = {}
+        for kind in stage.images:
+            stream = image_stream(session, kind)
+            if stream is not None:
+                # colour tells nothing that grey does not, and costs three times as much
+                images = open_images(session, stream.name, gray=kind == "color")
+                found[kind] = opened.enter_context(images)
+        yield found
+
+
+def sane(table: pa.Table) -> pa.Table:
+    """The table with null for every number that is no place (infinite, or beyond ``MOST_COORDINATE``)."""
+    for i, field in enumerate(table.schema):
+        if pa.types.is_floating(field.type):
+            absurd = pc.greater(pc.abs(table.column(i)), pa.scalar(MOST_COORDINATE, field.type))
+            if pc.any(absurd).as_py():
+                column = pc.if_else(absurd, pa.scalar(None, field.type), table.column(i))
+                table = table.set_column(i, field.with_nullable(True), column)
+    return table
+
+
+def clock_table(session: Session) -> pa.Table:
+    """Every frame of the session with its time: columns ``frame`` int32, ``t_ns`` int64 (null without a clock).
+
+    A recorded clock has the times of the colour stream, whose images the marks were seen in.
+    """
+    manifest = session.manifest
+    n = manifest.n_frames
+    for name in MARKS:
+        # marks beyond the end of a recording of known length are mistakes; ecat check names them
+        if not manifest.n_frames and session.has_table(name):
+            frames = session.table(name, columns=["frame"]).to_arrow()["frame"]
+            n = max(n, int(np.asarray(frames).max(initial=-1)) + 1)
+    if n > MAX_FRAMES:
+        raise LimitError(
+            f"cannot process {session.name}",
+            where=f"{n:,} frames, at most {MAX_FRAMES:,} are placed at once",
+            consequence="nothing was changed",
+            fix="ecat check says whether the number can be right; split a longer recording",
+        )
+    known = _recorded_times(session)
+    if known is None:
+        known = dict(enumerate(manifest.clock.times_ns(range(n), manifest.n_frames)))
+    t_ns = pa.array([known.get(frame) for frame in range(n)], pa.int64())
+    return pa.table({"frame": pa.array(range(n), pa.int32()), "t_ns": t_ns})
+
+
+def _recorded_times(session: Session) -> dict[int, int | None] | None:
+    """Frame and time of every image of the colour stream; None without a recorded clock."""
+    if session.manifest.clock.rule != "recorded" or not session.has_table("frames"):
+        return None
+    colour = [stream.name for stream in session.manifest.streams if stream.kind == "color"]
+    rows = session.table("frames").to_arrow()
+    frame, t_ns = (np.asarray(rows[name]).tolist() for name in ("frame", "t_ns"))
+    names = rows["stream"].to_pylist()
+    chosen = next((name for name in colour if name in names), None)
+    return {f: t for f, t, name in zip(frame, t_ns, names, strict=True) if name == chosen}
+
+
+def input_hashes(session: Session, stage: Stage) -> dict[str, str]:
+    """The hash of each input of a stage that is there."""
+    hashes: dict[str, str] = {}
+    for name in stage.inputs:
+        record = session.manifest.table(name)
+        if name == CLOCK:
+            clock, frames = session.manifest.clock, session.manifest.table("frames")
+            known: list[object] = [clock.rule, clock.duration_ns, session.manifest.n_frames]
+            if clock.rule == "recorded" and frames is not None:
+                known.append(frames.sha256)
+            hashes[name] = _hash(known)
+        elif name == SURFACE and record is not None:
+            rows = session.table(name).to_arrow().to_pylist()
+            hashes[name] = _hash([row for row in rows if row["dimensions"] == 3])
+        elif record is not None:
+            hashes[name] = record.sha256
+    for kind in stage.images:
+        stream = image_stream(session, kind)
+        if stream is not None:
+            camera, frames = session.manifest.camera(stream.camera), session.manifest.table("frames")
+            known = [stream.sha256, stream.depth_unit_m, camera and asdict(camera), frames and frames.sha256]
+            hashes[f"{kind} images"] = _hash(known)
+    return hashes
+
+
+def _hash(value: object) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def color_camera(session: Session) -> CameraRecord | None:
+    """What the manifest says of the camera of the annotated video."""
+    stream = annotated_stream(session.manifest)
+    named = session.manifest.camera(stream.camera) if stream is not None and stream.kind == "color" else None
+    return named or session.manifest.camera("color")
+
+
+def session_camera(session: Session) -> Camera:
+    """The colour camera of a session: its own, or a typical Kinect v2 where marks are known but no camera.
+
+    Raises
+    ------
+    InputError : its values describe no camera, or a lens that ecat has no model of.
+    """
+    from ecat.geometry.cameras import KINECT_V2_COLOR
+    from ecat.geometry.records import camera_of
+
+    record = color_camera(session)
+    if record is None:
+        return KINECT_V2_COLOR
+    problems = list(camera_problems(record))
+    if any(record.distortion[LENS_TERMS:]):
+        problems.append(f"distortion: ecat's lens model has the first {LENS_TERMS} coefficients only")
+    if problems:
+        place = f"cameras[{session.manifest.cameras.index(record)}]"
+        raise InputError(
+            f"cannot use the camera of {session.name}",
+            where="; ".join(f"session.json: {place}.{problem}" for problem in problems),
+            consequence="nothing was changed",
+            fix=f"correct these fields of {session.path / 'session.json'}, or import the recording again",
+        )
+    return camera_of(replace(record, distortion=record.distortion[:LENS_TERMS]))
+
+
+def annotated_objects(session: Session) -> tuple[AnnotatedObject, ...]:
+    """The objects of the layer that people and importers write to."""
+    return session.layer("main").objects if session.manifest.layer("main") is not None else ()
+
+
+def box_objects(objects: Sequence[AnnotatedObject], prototypes: Sequence[BoxPrototype]) -> tuple[str, ...]:
+    """The object that each box is: the annotated one of its name, or a new one."""
+    from ecat.stages.track import object_ids
+
+    named = {thing.name: thing.id for thing in objects if thing.kind == "marker_box"}
+    return tuple(
+        named.get(box.name, new) for box, new in zip(prototypes, object_ids(prototypes), strict=True)
+    )
+
+
+def table_surface(session: Session) -> str:
+    """The object that is the table: its type or its name says so; empty if none does."""
+    for row in session.objects.to_arrow().to_pylist():
+        if row["dimensions"] == 3 and "table" in (row["semantic_type"].lower(), row["name"].strip().lower()):
+            return cast("str", row["object_id"])
+    return ""

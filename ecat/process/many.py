@@ -1,0 +1,205 @@
+"""The sessions of a project, one after the other or in several processes at once."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+from ecat.errors import EcatError
+from ecat.model.prototype import BoxPrototype
+from ecat.process.graph import ProcessReport, process_session, require_stages
+from ecat.process.prototypes import calibrate_together
+from ecat.progress import Progress, silent
+
+FEW = 4
+"""Fewer sessions are done before other processes have started."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of one session: a report, or the error that stopped it."""
+
+    path: Path
+    report: ProcessReport | None = None
+    error: EcatError | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    """What a process has to know to do one session."""
+
+    path: Path
+    stages: tuple[str, ...] | None
+    force: bool
+    smooth: bool
+    prototypes: tuple[BoxPrototype, ...] | None
+
+
+def usual_jobs(n_sessions: int) -> int:
+    """How many processes to use for so many sessions: one for a few, else one for each processor."""
+    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
+    processors = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return 1 if n_sessions < FEW else min(processors, n_sessions)
+
+
+def process_sessions(
+    paths: Sequence[Path],
+    *,
+    jobs: int | None = None,
+    stages: Sequence[str] | None = None,
+    force: bool = False,
+    smooth: bool = False,
+    prototypes: Sequence[BoxPrototype] | None = None,
+    name: Callable[[Path], str] = str,
+    progress: Progress = silent,
+) -> list[Outcome]:
+    """Process several sessions; what stops one does not stop the others.  The outcomes are in the order of ``paths``.
+
+    Each session commits by itself, so that after an interruption another call does what is left.  Sessions without
+    boxes of their own get those that all sessions of their camera show (:func:`calibrate_together`).
+
+    Parameters
+    ----------
+    jobs : how many processes; by default :func:`usual_jobs`.
+    stages, force, smooth, prototypes : as of :func:`process_session`.
+    name : what ``progress`` calls a session.
+
+    Raises
+    ------
+    UsageError : an unknown stage.
+    """
+    require_stages(stages or ())
+    paths = list(dict.fromkeys(paths))
+    # several sessions show a box better than one does; a single session calibrates its own
+    together: Mapping[Path, tuple[BoxPrototype, ...]] = (
+        calibrate_together(paths, progress) if prototypes is None and len(paths) > 1 else {}
+    )
+    given = None if prototypes is None else tuple(prototypes)
+    tasks = [
+        _Task(
+            path=path,
+            stages=tuple(stages) if stages else None,
+            force=force,
+            smooth=smooth,
+            prototypes=given if given is not None else together.get(path),
+        )
+        for path in paths
+    ]
+    jobs = usual_jobs(len(tasks)) if jobs is None else min(jobs, len(tasks))
+    if jobs > 1:
+        return _side_by_side(tasks, jobs, name, progress)
+    return [_outcome(task, _within(progress, name(task.path), i, len(tasks))) for i, task in enumerate(tasks)]
+
+
+def _within(progress: Progress, name: str, index: int, n_sessions: int) -> Progress:
+    """The same, with the session's name in front where there are several."""
+    if n_sessions == 1:
+        return progress
+    return lambda what, done, total: progress(f"{name} ({index + 1} of {n_sessions}): {what}", done, total)
+
+
+def _outcome(task: _Task, progress: Progress = silent) -> Outcome:
+    try:
+        report = process_session(
+            task.path,
+            stages=task.stages,
+            force=task.force,
+            smooth=task.smooth,
+            prototypes=task.prototypes,
+            progress=progress,
+        )
+    except EcatError as error:
+        return Outcome(path=task.path, error=error)
+    except Exception as error:  # noqa: BLE001  a fault met in one session is no reason to leave out the others
+        return Outcome(path=task.path, error=_fault(task.path, error))
+    return Outcome(path=task.path, report=report)
+
+
+def _fault(path: Path, error: Exception) -> EcatError:
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    line = (
+        "" if place is None else f" ({Path(place.tb_frame.f_code.co_filename).name}, line {place.tb_lineno})"
+    )
+    return EcatError(
+        f"this is a bug in ecat: {type(error).__name__}",
+        where=f"{str(error).partition(chr(10))[0]}{line}",
+        consequence="what was finished before is kept",
+        fix=f"ecat process {path} shows all of it; report it to ecat's issue tracker",
+    )
+
+
+def _side_by_side(
+    tasks: Sequence[_Task], jobs: int, name: Callable[[Path], str], progress: Progress
+) -> list[Outcome]:
+    done: dict[Path, Outcome] = {}
+
+    def keep(outcome: Outcome) -> None:
+        done[outcome.path] = outcome
+        progress(name(outcome.path), len(done), len(tasks))
+
+    progress("starting", 0, len(tasks))
+    _run(tasks, jobs, keep)
+    # when a process dies, those beside it are lost too: what is left is done in a process each, so that one is named
+    for task in tasks:
+        if task.path not in done:
+            _run([task], 1, keep)
+        if task.path not in done:
+            keep(Outcome(path=task.path, error=_died(task.path)))
+    return [done[task.path] for task in tasks]
+
+
+def _died(path: Path) -> EcatError:
+    return EcatError(
+        f"cannot process {path.name}",
+        where=f"{path}: the process that worked on it was killed; perhaps there was too little memory",
+        consequence="what was finished before is kept",
+        fix=f"ecat process {path} --jobs 1",
+    )
+
+
+def _run(tasks: Sequence[_Task], jobs: int, keep: Callable[[Outcome], None]) -> None:
+    """Hand over the outcomes as they come, of all tasks whose process did not die."""
+    with _pool(jobs) as pool, contextlib.suppress(BrokenProcessPool):
+        for future in as_completed([pool.submit(_outcome, task) for task in tasks]):
+            with contextlib.suppress(BrokenProcessPool):
+                keep(future.result())
+
+
+@contextlib.contextmanager
+def _pool(jobs: int) -> Generator[ProcessPoolExecutor]:
+    """Processes that end with the block, at once if it fails: a commit is made whole or not at all."""
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+            child.join()
+        raise
+    pool.shutdown()
+
+
+def _begin() -> None:
+    """What a process does first: leave it to the one that started it to end it, and not outlive that one."""
+    # Ctrl-C reaches every process of a terminal
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)

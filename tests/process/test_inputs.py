@@ -1,0 +1,79 @@
+"""What stages are given: sane numbers, and a camera that is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from ecat.errors import EcatError, InputError
+from ecat.model import Camera, Manifest
+from ecat.process import process_session
+from ecat.process.inputs import sane, session_camera
+from ecat.sample import sample_session
+from ecat.store import Draft, TableData, create_session
+
+CAMERA = Camera(name="color", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240)
+
+
+def camera_of(path: Path, **fields: Any) -> object:
+    manifest = Manifest(name="s", created="2026", cameras=(replace(CAMERA, **fields),))
+    return session_camera(create_session(path / "s", Draft(manifest=manifest)))
+
+
+@pytest.mark.parametrize("terms", [0, 4, 5, 8, 12, 14])
+def test_lenses_of_every_length_that_opencv_knows_are_taken(tmp_path: Path, terms: int) -> None:
+    assert camera_of(tmp_path, distortion=((0.1,) * min(terms, 8) + (0.0,) * (terms - 8)))
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({"distortion": (0.1,) * 12}, "distortion: ecat's lens model has the first 8"),
+        ({"distortion": (0.1,) * 3}, "distortion: expected 0, 4, 5, 8, 12, 14 coefficients, found 3"),
+        ({"fx_px": 0.0}, "fx_px: expected a positive focal length in pixels, found 0"),
+        ({"rotation": (0.0, 0.0, 0.0, 0.0)}, "rotation: expected a unit quaternion"),
+    ],
+)
+def test_values_that_no_camera_has_are_one_error_that_names_the_field(
+    tmp_path: Path, fields: dict[str, Any], problem: str
+) -> None:
+    with pytest.raises(InputError, match="cannot use the camera of s") as caught:
+        camera_of(tmp_path, **fields)
+    assert f"session.json: cameras[0].{problem}" in caught.value.where
+
+
+def test_numbers_that_are_no_place_are_missing() -> None:
+    table = pa.table({"frame": [1, 2, 3, 4], "x": [1e308, -1e7, 0.5, None], "y": [np.inf, 1.0, -2.0, 3.0]})
+    assert sane(table).to_pydict() == {
+        "frame": [1, 2, 3, 4],
+        "x": [None, None, 0.5, None],
+        "y": [None, 1.0, -2.0, 3.0],
+    }
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e18, 1e6, 0.0])
+@pytest.mark.parametrize("name", ["markers_2d", "markers_3d"])
+def test_absurd_marks_lead_to_poses_or_to_one_error_and_to_no_warning(
+    tmp_path: Path, name: str, value: float
+) -> None:
+    draft, _ = sample_session(seed=1, actions=("next",))
+    data = draft.tables[name].data
+    assert isinstance(data, pa.Table)
+    columns = {column: data[column].to_pylist() for column in data.column_names}
+    for column in ("u0_px", "v2_px", "x1", "z3"):
+        if column in columns:
+            columns[column] = [value if i % 3 == 0 else x for i, x in enumerate(columns[column])]
+    arrays = [pa.array(columns[field.name], field.type) for field in data.schema]
+    table = TableData(data=pa.Table.from_arrays(arrays, schema=data.schema))
+    create_session(tmp_path / "s", replace(draft, tables={**draft.tables, name: table}))
+    try:
+        report = process_session(tmp_path / "s", smooth=True)
+    except EcatError as error:
+        assert error.where  # noqa: PT017  either is right, anything else is not
+    else:
+        assert report.ran == ("plane", "pose", "smooth", "relations", "propose")
