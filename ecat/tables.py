@@ -150,6 +150,22 @@ _POSE = (
     ),
     Column("sigma_m", pa.float64(), "one standard deviation of the position (per axis)", "m", "", True),
     Column("sigma_rad", pa.float64(), "one standard deviation of the rotation (per axis)", "rad", "", True),
+    Column(
+        "covariance",
+        pa.list_(pa.float64(), 21),
+        "upper triangle, row by row, of the covariance of x, y, z and the turns about the table's x, y, z axes",
+        "m^2, m rad, rad^2",
+        "table",
+        True,
+    ),
+    Column(
+        "alternative",
+        pa.list_(pa.float64(), 7),
+        "x, y, z, qx, qy, qz, qw of the other pose that explains the frame nearly as well; null: the pose is certain",
+        "m",
+        "table",
+        True,
+    ),
 )
 
 MARKERS_2D = TableSchema(
@@ -176,6 +192,22 @@ POSES_SMOOTH = TableSchema(
     _POSE,
     ("frame", "object_id"),
 )
+FACE_PLANES = TableSchema(
+    "face_planes",
+    "Planes through the depth inside marker faces: n.p + d = 0 with n towards the camera.",
+    (
+        _T_NS,
+        _FRAME,
+        _OBJECT,
+        Column("order", pa.int16(), "position of the face in its marker, as in markers_2d"),
+        *_numbers("nx ny nz", "unit normal", "", "camera/depth"),
+        *_numbers("d", "offset", "m", "camera/depth"),
+        *_numbers("sigma_m", "one standard deviation of the plane's distance at the face's corners", "m", ""),
+        *_numbers("rms_m", "distance of the pixels from the plane, along the sight line", "m", ""),
+        Column("n_points", pa.int32(), "depth pixels used"),
+    ),
+    ("frame", "object_id", "order"),
+)
 TABLE_PLANE = TableSchema(
     "table_plane",
     "The table: plane n.p + d = 0 with n towards the camera, and the pose of the table frame; a row per fit.",
@@ -189,9 +221,20 @@ TABLE_PLANE = TableSchema(
         *_numbers("rms_m max_m", "distance of the inliers from the plane", "m", "camera/depth"),
         Column("n_points", pa.int32(), "points offered"),
         Column("n_inliers", pa.int32(), "points used"),
-        Column("evidence", _NAME, "polygon, boxes, polygon+boxes, depth"),
+        Column("evidence", _NAME, "polygon, boxes, polygon+boxes, depth, or one of these with +depth"),
     ),
     ("frame",),
+)
+TABLE_OUTLINE = TableSchema(
+    "table_outline",
+    "The table's convex outline on its plane, anticlockwise seen from above; for every row of table_plane from depth.",
+    (
+        _T_NS,
+        _FRAME,
+        Column("vertex", pa.int16(), "position of the corner in the outline"),
+        *_numbers("x y z", "corner", "m", "camera/depth"),
+    ),
+    ("frame", "vertex"),
 )
 JOINTS = TableSchema(
     "joints",
@@ -213,10 +256,34 @@ FRAMES = TableSchema(
     "The recorded clock: the device time of every frame of every stream.",
     (
         Column("t_ns", pa.int64(), "time since the session's start", "ns"),
-        _FRAME,
+        Column("frame", pa.int32(), "image of the stream, from zero"),
         Column("stream", _NAME, "the stream"),
     ),
     ("t_ns", "stream"),
+)
+IMU = TableSchema(
+    "imu",
+    "Readings of an inertial sensor, each with its own device time.",
+    (
+        Column("t_ns", pa.int64(), "time since the session's start", "ns"),
+        Column("sensor", _NAME, "accelerometer or gyroscope"),
+        *_numbers("x y z", "specific force (accelerometer) or angular velocity", "m/s^2 or rad/s", "imu"),
+    ),
+    ("t_ns", "sensor"),
+)
+CAMERA_POSES = TableSchema(
+    "camera_poses",
+    "Where a moving camera was, as the source tracked or computed it.",
+    (
+        _T_NS,
+        Column(
+            "frame", pa.int32(), "image of the annotated video, from zero; null: between images", "", "", True
+        ),
+        Column("camera", _NAME, "the camera, or its stream where the camera is unknown"),
+        *_numbers("x y z", "position of the camera", "m", "world"),
+        *_numbers("qx qy qz qw", "rotation from the camera, unit quaternion", "", "world"),
+    ),
+    ("t_ns", "frame"),
 )
 OBJECTS = TableSchema(
     "objects",
@@ -250,6 +317,33 @@ KEYFRAMES = TableSchema(
         ),
     ),
     ("layer", "object_id", "dimensions", "frame", "vertex"),
+)
+TRACKS_2D = TableSchema(
+    "tracks_2d",
+    "Shapes drawn by a person, followed through the images that were not drawn: one row per vertex and image.",
+    (
+        _T_NS,
+        _FRAME,
+        _OBJECT,
+        Column("vertex", pa.int16(), "position of the vertex in the shape"),
+        *_numbers("u_px v_px", "the vertex", "px", "colour image"),
+        Column("confidence", pa.float64(), "how sure the shape is, 0 to 1"),
+        Column("status", _NAME, "drawn by a person, tracked, or proposed where confidence is low"),
+    ),
+    ("frame", "object_id", "vertex"),
+)
+HULLS = TableSchema(
+    "hulls",
+    "Convex hulls of what is seen of objects without markers, from depth: one row per corner and image.",
+    (
+        _T_NS,
+        _FRAME,
+        _OBJECT,
+        Column("vertex", pa.int16(), "position of the corner in the hull, in no particular order"),
+        *_numbers("x y z", "corner", "m", "camera/depth"),
+        Column("status", _NAME, "of the shape in tracks_2d: drawn, tracked or proposed"),
+    ),
+    ("frame", "object_id", "vertex"),
 )
 EVENTS = TableSchema(
     "events",
@@ -312,11 +406,57 @@ RELATIONS = TableSchema(
     ("layer", "start_frame"),
 )
 
+_CONFIDENCE = Column("confidence", pa.float64(), "how sure the stage is, 0 to 1")
+RELATION_PROPOSALS = TableSchema(
+    "relation_proposals",
+    "Relations computed from geometry, each with the interval in which it holds (docs/relations.md).",
+    (
+        Column("predicate", _NAME, "the relation"),
+        Column("arguments", pa.list_(pa.string()), "object ids"),
+        Column("polarity", pa.bool_(), "true: holds; false: denied"),
+        *_INTERVAL,
+        _CONFIDENCE,
+    ),
+    ("start_frame", "predicate"),
+)
+EVENT_PROPOSALS = TableSchema(
+    "event_proposals",
+    "Events computed from geometry: actions, and their parts as rows of their own (docs/relations.md).",
+    (
+        Column("event_id", pa.string(), "identifier in this table"),
+        Column("parent", pa.string(), "the action that this is a part of; null: an action", "", "", True),
+        Column("type", _NAME, "slide, slide_<way>, move, move_<way>, grasp, hold, release"),
+        Column("text", pa.string(), "description"),
+        *_INTERVAL,
+        _OBJECT,
+        Column("hand", _NAME, "the grasping hand, rig/joint; null: not known", "", "", True),
+        Column("landmark", _NAME, "the standing object nearest to the way", "", "", True),
+        _CONFIDENCE,
+    ),
+    ("start_frame", "event_id"),
+)
+
 PUBLISHED = (OBJECTS, KEYFRAMES, EVENTS, EVENT_SEGMENTS, EVENT_LINKS, EVENT_ROLES, RELATIONS)
 """Tables that repeat the annotation XML for queries; written in the commit that writes the XML."""
 
 TABLES: dict[str, TableSchema] = {
     schema.name: schema
-    for schema in (*PUBLISHED, FRAMES, MARKERS_2D, MARKERS_3D, JOINTS, TABLE_PLANE, POSES, POSES_SMOOTH)
+    for schema in (
+        *PUBLISHED,
+        FRAMES,
+        IMU,
+        CAMERA_POSES,
+        MARKERS_2D,
+        MARKERS_3D,
+        JOINTS,
+        TABLE_PLANE,
+        TABLE_OUTLINE,
+        TRACKS_2D,
+        HULLS,
+        POSES,
+        POSES_SMOOTH,
+        RELATION_PROPOSALS,
+        EVENT_PROPOSALS,
+    )
 }
 """Every table by name."""

@@ -10,19 +10,25 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 
+from ecat.checkout import checkout_folder
 from ecat.cli import main
 from ecat.formats import export, import_source
-from ecat.process import process_session
-from ecat.sample.shipped import AS_ECAT_PROJECT, FOLDER, SESSIONS, write_shipped
+from ecat.geometry.transforms import Floats, Rigid
+from ecat.process import process_session, read_prototypes
+from ecat.sample.shipped import AS_ECAT_PROJECT, SESSIONS, WITH_PIXELS, write_shipped
 from ecat.store import Session, find_sessions, open_session
 from ecat.store.xml import layer_to_xml
 
 if TYPE_CHECKING:
     from tests.conftest import Golden
 
+FOLDER = checkout_folder("sample_sessions")
 NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 HEAD = 4
 """Rows that are shown of the start and of the end of a table."""
@@ -128,6 +134,42 @@ def test_the_shipped_ecat_project_exports_to_the_same_bytes(tmp_path: Path) -> N
             assert (
                 tmp_path / "back" / path.relative_to(FOLDER / "ecat_project")
             ).read_bytes() == path.read_bytes()
+
+
+def test_the_shipped_recording_gives_poses_near_the_truth_and_the_events_as_ever(
+    tmp_path: Path, golden: Golden
+) -> None:
+    source = FOLDER / "recorded" / WITH_PIXELS
+    assert import_source(source, tmp_path / "session").findings == ()
+    process_session(tmp_path / "session", smooth=True, prototypes=read_prototypes(source / "boxes.json"))
+    session = open_session(tmp_path / "session")
+    for name in ("markers_2d", "event_proposals", "relation_proposals"):
+        golden.check(f"recorded/{name}.txt", table_text(session.table(name).to_arrow(), 1))
+    told = {row["name"]: row["object_id"] for row in truth_table("prototypes").to_pylist()}
+    ids = {row["object_id"]: told[row["name"]] for row in session.objects.to_arrow().to_pylist()}
+    images = truth_table("image_poses").filter(pc.field("stream") == "color").to_pylist()
+    real = {(row["image"], row["object_id"]): row for row in images}
+    found = [row for row in session.table("poses_smooth").to_arrow().to_pylist() if row["x"] is not None]
+    assert len(found) > 0.95 * len(real)
+    here = seen_from_camera(session.table("table_plane").to_arrow(), found)
+    there = seen_from_camera(
+        truth_table("table_plane"), [real[row["frame"], ids[row["object_id"]]] for row in found]
+    )
+    assert np.median(np.linalg.norm(here - there, axis=1)) < 0.003
+
+
+def truth_table(name: str) -> pa.Table:
+    return pq.read_table(FOLDER / "truth" / WITH_PIXELS / f"{name}.parquet")
+
+
+def seen_from_camera(plane: pa.Table, poses: list[dict[str, Any]]) -> Floats:
+    """Places (n, 3) on the table, in the depth camera's frame: the origin of the table's is nobody's truth."""
+    (table,) = plane.to_pylist()
+    frame = Rigid.from_quaternion(
+        np.array([table[f"q{axis}"] for axis in "xyzw"]),
+        np.array([table[f"origin_{axis}"] for axis in "xyz"]),
+    )
+    return frame.apply(np.array([[row[axis] for axis in "xyz"] for row in poses]))
 
 
 def test_the_stages_place_the_sample_as_ever(tmp_path: Path, golden: Golden) -> None:

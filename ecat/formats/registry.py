@@ -15,9 +15,19 @@ from ecat.formats.format import Format
 
 GROUP = "ecat.formats"
 _OWN = {
+    "azure-mkv": "ecat.formats.recordings.azure_mkv",
     "ecat-2018": "ecat.formats.ecat2018",
+    "ecat-recorder": "ecat.formats.recordings.ecat_recorder",
+    "images": "ecat.formats.recordings.images",
+    "kinect-studio-xef": "ecat.formats.recordings.proprietary:XEF",
+    "ntu-skeleton": "ecat.formats.recordings.ntu",
+    "openni-oni": "ecat.formats.recordings.proprietary:ONI",
     "poses": "ecat.formats.poses",
     "poses-smooth": "ecat.formats.poses:SMOOTH",
+    "rgbd-video": "ecat.formats.recordings.rgbd_video",
+    "rosbag": "ecat.formats.recordings.rosbag",
+    "tum-rgbd": "ecat.formats.recordings.tum",
+    "video": "ecat.formats.recordings.video",
 }
 
 
@@ -50,6 +60,27 @@ def find(name: str) -> Format:
             return known
     names = ", ".join(known.name for known in all_formats())
     raise UsageError(f"unknown format {name!r}", where=f"known formats: {names}", fix="ecat formats")
+
+
+def refuse_own(path: Path) -> None:
+    """Say so when ``path`` is what an import makes.
+
+    Raises
+    ------
+    FormatError : it is a session or a project of ecat already.
+    """
+    from ecat.store.manifest import PROJECT_FILE, SESSION_FILE
+
+    folder = path.parent if path.name in {SESSION_FILE, PROJECT_FILE} else path
+    for kind, file in (("session", SESSION_FILE), ("project", PROJECT_FILE)):
+        # a recording of another program may have a file of that name
+        if (folder / file).is_file() and not (folder / "files.param").exists():
+            raise FormatError(
+                f"cannot import {path}",
+                where=f"{folder} is an ecat {kind} already: there is {file} in it",
+                consequence="nothing was written",
+                fix=f"ecat info {folder} shows what is in it, ecat process {folder} computes the rest",
+            )
 
 
 def sniff(path: Path) -> Format:

@@ -34,7 +34,7 @@ _RATE_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True)
-class _Facts:
+class Facts:
     """What is known of a video before any of it is decoded."""
 
     index: int
@@ -56,6 +56,18 @@ def sniff(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and path.is_file()
 
 
+def color_video(source: Path, facts: Facts, progress: Progress) -> tuple[Track, list[str]]:
+    """The video as a track called color, its times from ``facts.start_ns`` on, and what is odd about it."""
+    what = f"cannot import {source.name}"
+    found = scan(source, what, tell=lambda done, total: progress(f"reading {source.name}", done, total))
+    packets = found.packets[facts.index]
+    if not len(packets.pts) and not packets.n_unclear:
+        raise FormatError(what, where=found.stopped or f"{source.name}: there is not a single image in it")
+    turned = next((frame.rotation for frame in decoded(source, what, facts.index)), 0)
+    notes = [*_notes(facts, packets, found), *([_turned(turned)] if turned else [])]
+    return _color(source, facts, packets, found), notes
+
+
 def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport:
     """Read a video into a session; its times are those in the file, from the start of the first of its streams.
 
@@ -66,16 +78,8 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     """
     del options
     what = f"cannot import {source.name}"
-    index = first_video(source, what)
-    with open_media(source, what) as container:
-        facts = _facts(container, index)
-    found = scan(source, what, tell=lambda done, total: progress(f"reading {source.name}", done, total))
-    packets = found.packets[index]
-    if not len(packets.pts) and not packets.n_unclear:
-        raise FormatError(what, where=found.stopped or f"{source.name}: there is not a single image in it")
-    turned = next((frame.rotation for frame in decoded(source, what, index)), 0)
-    track = _color(source, facts, packets, found)
-    notes = [*_notes(facts, packets, found), *([_turned(turned)] if turned else [])]
+    facts = video_facts(source, what)
+    track, notes = color_video(source, facts, progress)
     return create(
         dest,
         [track, *_audio(source, facts, track)],
@@ -88,11 +92,23 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     )
 
 
-def _facts(container: InputContainer, index: int) -> _Facts:
+def video_facts(source: Path, what: str) -> Facts:
+    """What is known of a video before any of it is decoded.
+
+    Raises
+    ------
+    FormatError, LimitError : it is no video that can be read.
+    """
+    index = first_video(source, what)
+    with open_media(source, what) as container:
+        return _facts(container, index)
+
+
+def _facts(container: InputContainer, index: int) -> Facts:
     stream = next(s for s in container.streams.video if s.index == index)
     context = stream.codec_context
     created = container.metadata.get("creation_time")
-    return _Facts(
+    return Facts(
         index=index,
         codec=context.name.removeprefix("lib").removesuffix("-av1").replace("dav1d", "av1"),
         pix_fmt=str(context.pix_fmt),
@@ -114,7 +130,7 @@ def _is_known(context: object) -> bool:
     return context is not None
 
 
-def _color(source: Path, facts: _Facts, packets: Packets, found: Scan) -> Track:
+def _color(source: Path, facts: Facts, packets: Packets, found: Scan) -> Track:
     """The video as a track: the file itself, its packets in another container, or encoded anew."""
     playable = facts.pix_fmt in _PLAYABLE.get(facts.codec, ()) and not packets.n_unclear
     suffix = source.suffix.lower()
@@ -145,7 +161,7 @@ def _copy(source: Path, path: Path, index: int) -> None:
     remux(source, path, (index,))
 
 
-def _audio(source: Path, facts: _Facts, color: Track) -> Iterator[Track]:
+def _audio(source: Path, facts: Facts, color: Track) -> Iterator[Track]:
     """Sound, as it is: in the copied file, or in a file of its own."""
     for number, (index, codec) in enumerate(facts.audio, start=1):
         name = "audio" if number == 1 else f"audio_{number}"
@@ -156,7 +172,7 @@ def _audio(source: Path, facts: _Facts, color: Track) -> Iterator[Track]:
             yield Track(stream, copy=lambda path, index=index: _copy(source, path, index))
 
 
-def _notes(facts: _Facts, packets: Packets, found: Scan) -> Iterator[str]:
+def _notes(facts: Facts, packets: Packets, found: Scan) -> Iterator[str]:
     if found.stopped:
         yield f"the video is not complete: {found.stopped}; {len(packets.pts)} images were there"
     times = packets.t_ns
