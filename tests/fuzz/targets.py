@@ -10,12 +10,16 @@ import json
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+import cv2
 import numpy as np
 
+from ecat.errors import EcatError
+from ecat.formats import import_source
 from ecat.formats.ecat2018.body_scheme import (
     KINECT_V2,
     BodyScheme,
@@ -47,13 +51,24 @@ from ecat.formats.ecat2018.project_list import read_project_list, write_project_
 from ecat.formats.ecat2018.rig import read_rig, write_rig
 from ecat.formats.ecat2018.voxml import read_voxml, write_voxml
 from ecat.formats.ecat2018.xml_input import iter_records, iterparse_safe, parse_safe
+from ecat.formats.recordings.image_files import decode as decode_image
+from ecat.formats.recordings.k4a_calibration import cameras_of
+from ecat.formats.recordings.known_cameras import parse_calibration
+from ecat.formats.recordings.ntu import joint_rows
+from ecat.formats.recordings.ntu import parse as parse_ntu
+from ecat.formats.recordings.rows import trajectory_rows
+from ecat.formats.recordings.tum import parse_lines, parse_rows
 from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Relation, Segment
 from ecat.model.annotation import Argument
 from ecat.model.prototype import NOMINAL_BOXES
 from ecat.model.scheme import ECAT_2018_SCHEME
 from ecat.process import read_prototypes
 from ecat.store.manifest import dump_manifest, parse_manifest
+from ecat.store.media.truncation import bytes_missing
 from ecat.store.xml import layer_from_xml, layer_to_xml, scheme_from_xml, scheme_to_xml
+from tests.formats.recordings.k4a import calibration, jpeg, recording
+from tests.formats.recordings.k4a import depth as depth_image
+from tests.formats.recordings.k4a import write as write_k4a
 
 T = TypeVar("T")
 
@@ -122,6 +137,42 @@ def files_param(path: Path) -> None:
                 drain(mark_batches(groups, said.book, said.clock, said.n_frames))
 
 
+def tum(data: bytes) -> None:
+    parse_lines(data, "rgb.txt")
+    parse_rows(data, "groundtruth.txt", 7)
+
+
+def images(data: bytes) -> None:
+    for deep in (False, True):
+        # the header decides how much is decoded, and the two have to agree
+        with suppress(EcatError):
+            decode_image(data, "cannot read it", "it", deep=deep)
+
+
+def calibration_json(data: bytes) -> None:
+    with suppress(ValueError, RecursionError):
+        parse_calibration(json.loads(data), "intrinsics.json", (64, 48), (64, 48))
+
+
+def trajectory(path: Path) -> None:
+    rows, _ = trajectory_rows(path, "color")
+    drain(rows or ())
+
+
+def _image_seeds() -> tuple[bytes, ...]:
+    deep = np.arange(12, dtype=np.uint16).reshape(3, 4)
+    pixels = np.zeros((3, 4, 3), np.uint8)
+    kinds = (
+        (".png", deep),
+        (".png", pixels),
+        (".jpg", pixels),
+        (".pgm", deep),
+        (".ppm", pixels),
+        (".tiff", deep),
+    )
+    return tuple(cv2.imencode(suffix, image)[1].tobytes() for suffix, image in (*kinds, (".bmp", pixels)))
+
+
 def _depth_seed() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "seed.dep"
@@ -182,6 +233,8 @@ _FILES_PARAM = (
     '<predicate frame="0" arguments="2" ids="o1,t/o2" q="True" type="IDENTITY(X,Y)" />\n'
     "</predicates>\n</session>"
 ).encode()
+_NTU = b"2\n1\n7 0 0\n25\n" + b"0.1 0.2 3 4 5 6 7 1 0 0 0 2\n" * 25 + b"0\n"
+_TUM = b"# timestamp filename\n1305031102.175304 rgb/1.png\n1305031102.1 1 2 3 0 0 0 1\n"
 _MAPPING = CoordinateMapping(np.ones((2, 3, 2), np.float32), np.full((2, 3, 2), 2, np.float32))
 
 _LAYER = Layer(
@@ -195,7 +248,37 @@ _LAYER = Layer(
     relations=(Relation(predicate="ON", start_frame=0, arguments=(Argument(target="o1"),)),),
 )
 
+
+def json_or_none(data: bytes) -> object:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+
+
+def azure(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        import_source(path, Path(folder) / "session", format="azure-mkv")
+
+
+def _azure_seed(**changes: object) -> bytes:
+    small = {"color": [jpeg(0, (32, 32))], "depth": [depth_image(0, (32, 32))], "color_px": (32, 32)}
+    with tempfile.TemporaryDirectory() as folder:
+        made = recording(1, **(small | {"depth_px": (32, 32)} | changes))
+        return write_k4a(Path(folder) / "seed.mkv", made).read_bytes()
+
+
 TARGETS: dict[str, Target] = {
+    "calibration_json": Target(
+        calibration_json,
+        (
+            b'{"fx": 1, "fy": 1, "cx": 1, "cy": 1, "width": 64, "height": 48, "depth_scale": 5000}',
+            b'{"color": {"intrinsic_matrix": [5, 0, 0, 0, 5, 0, 3, 2, 1]}, "depth": {"K": [[1, 0, 2], [0, 1, 2]]}}',
+        ),
+    ),
+    "azure_mkv": Target(
+        from_path(azure), (_azure_seed(), _azure_seed(calibration=None, tags=False, color=[]))
+    ),
     "body_scheme": Target(
         stable(read_body_scheme, write_body_scheme),
         (write_body_scheme(KINECT_V2), write_body_scheme(_RIG_SCHEME)),
@@ -206,6 +289,11 @@ TARGETS: dict[str, Target] = {
     "depth_file": Target(from_path(depth), (_depth_seed(), _depth_seed()[:-9])),
     "files_param": Target(from_path(files_param), (_FILES_PARAM,)),
     "glyphs": Target(stable(read_glyph, write_glyph), (write_glyph(code_of(5)),)),
+    "k4a_calibration": Target(
+        lambda data: cameras_of(json_or_none(data), color_px=(1280, 720), depth_px=(640, 576)),
+        (json.dumps(calibration()).encode(),),
+    ),
+    "image": Target(images, _image_seeds()),
     "layer": Target(
         stable(lambda data: layer_from_xml(data, name="layer"), layer_to_xml), (layer_to_xml(_LAYER),)
     ),
@@ -219,6 +307,10 @@ TARGETS: dict[str, Target] = {
         ),
         (dump_manifest(Manifest(name="s", created="2024-01-01"), Path("session.json")),),
     ),
+    "media_ends": Target(
+        from_path(bytes_missing), (_azure_seed()[:200], b"RIFF\x10\0\0\0AVI LIST", b"\0\0\0\x08ftyp")
+    ),
+    "ntu": Target(lambda data: drain(joint_rows(parse_ntu(data))), (_NTU, _NTU[:-90])),
     "numbers": Target(numbers, ("-∞,1.5,-3.652977E-05,NaN".encode(), b"859,654")),
     "options": Target(stable(read_options, write_options), (write_options(_OPTIONS),)),
     "program_params": Target(
@@ -236,6 +328,8 @@ TARGETS: dict[str, Target] = {
         stable(lambda data: scheme_from_xml(data, name="scheme"), scheme_to_xml),
         (scheme_to_xml(ECAT_2018_SCHEME),),
     ),
+    "trajectory": Target(from_path(trajectory), (b"0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * 2,)),
+    "tum": Target(tum, (_TUM,)),
     "voxml": Target(stable(read_voxml, write_voxml), (_VOXML,)),
     "xml": Target(xml, (b'<?xml version="1.0" encoding="utf-8"?><r b="1"><a>x<!--c--></a><a/>&lt;</r>',)),
     "xml_stream": Target(xml_stream, (b"<r><a><b/><c/></a><![CDATA[x]]><b>&#65;</b></r>",)),
