@@ -425,7 +425,7 @@ EVENT_PROPOSALS = TableSchema(
     (
         Column("event_id", pa.string(), "identifier in this table"),
         Column("parent", pa.string(), "the action that this is a part of; null: an action", "", "", True),
-        Column("type", _NAME, "slide, slide_<way>, move, move_<way>, grasp, hold, release"),
+        Column("type", _NAME, "slide, move, set or one of them with _<way>; grasp, hold, release"),
         Column("text", pa.string(), "description"),
         *_INTERVAL,
         _OBJECT,

@@ -24,6 +24,7 @@ from ecat.process.inputs import (
     image_stream,
     input_hashes,
     session_camera,
+    shapes_for,
     stage_images,
     stage_inputs,
     table_surface,
@@ -126,6 +127,8 @@ def _why_not(stage: Stage, session: Session) -> str:
     for kind in stage.images:
         if kind not in stage.optional and image_stream(session, kind) is None:
             return f"no {kind} video in this session"
+    if "tracks_2d" in stage.outputs and not shapes_for(session, stage):
+        return "nobody drew a shape in the images"
     imported = (session.manifest.table(name) for name in stage.outputs)
     if given := [record.name for record in imported if record is not None and not record.stage]:
         return f"{given[0]} came with the recording"
@@ -158,7 +161,7 @@ def stale_tables(session: Session) -> Iterator[tuple[str, str]]:
     StoreError : the annotation's tables cannot be read.
     """
     stages = {stage.name: stage for stage in _stages()}
-    boxes = kept_prototypes(session)
+    boxes = kept_prototypes(session) or NOMINAL_BOXES
     for table, name in made_by(session).items():
         parameters = recorded(stages[name], parameters_of(session, stages[name], boxes))
         if changed := _changes(session, table, stages[name], parameters, input_hashes(session, stages[name])):
@@ -275,8 +278,8 @@ class _Run:
     def _boxes(self, stage: Stage) -> tuple[BoxPrototype, ...]:
         if self._prototypes is None:
             kept = kept_prototypes(self._session)
-            if not kept and "markers_2d" in stage.outputs:
-                return NOMINAL_BOXES  # to be measured once their marks are known
+            if not kept and ("markers_2d" in stage.outputs or not has_marks(self._session)):
+                return NOMINAL_BOXES  # to be measured, and kept, once their marks are known
             self._prototypes = kept or self._calibrated()
         return self._prototypes
 

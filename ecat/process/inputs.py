@@ -31,8 +31,10 @@ CLOCK = "clock"
 MAX_FRAMES = 1_000_000
 """Nine hours of video; the poses of two boxes then take about half a gigabyte."""
 MARKS = ("markers_2d", "markers_3d")
-SURFACE = "keyframes"
-"""Input that is part of the annotation: only the 3-D shapes count, so that other edits do not make a plane stale."""
+SHAPES = "keyframes"
+"""Input that is part of the annotation: a stage that follows shapes through images wants the 2-D ones, others those in
+space, so that other edits do not make their tables stale.
+"""
 MOST_COORDINATE = 1e6
 """Pixels or metres from the origin: what is said to be further away is nowhere, and counts as missing."""
 LENS_TERMS = 8
@@ -69,11 +71,16 @@ def stage_inputs(session: Session, stage: Stage) -> dict[str, pa.Table]:
 
 
 def image_stream(session: Session, kind: str) -> Stream | None:
-    """The stream of this kind that stages look at: of colour the annotated one, otherwise the first that is there."""
+    """The stream of this kind that stages look at: of colour the annotated one, otherwise the first that is there.
+
+    Depth of which nobody knows the camera measures nothing, and does not count.
+    """
     annotated = annotated_stream(session.manifest)
-    if annotated is not None and annotated.kind == kind and annotated.present:
+    if annotated is not None and annotated.kind == kind and annotated.present and kind != "depth":
         return annotated
-    return next((s for s in session.manifest.streams if s.kind == kind and s.present), None)
+    known = {camera.name for camera in session.manifest.cameras}
+    streams = (s for s in session.manifest.streams if s.kind == kind and s.present)
+    return next((s for s in streams if kind != "depth" or s.camera in known), None)
 
 
 @contextmanager
@@ -150,9 +157,8 @@ def input_hashes(session: Session, stage: Stage) -> dict[str, str]:
             if clock.rule == "recorded" and frames is not None:
                 known.append(frames.sha256)
             hashes[name] = _hash(known)
-        elif name == SURFACE and record is not None:
-            rows = session.table(name).to_arrow().to_pylist()
-            hashes[name] = _hash([row for row in rows if row["dimensions"] == 3])
+        elif name == SHAPES and record is not None:
+            hashes[name] = _hash(shapes_for(session, stage))
         elif record is not None:
             hashes[name] = record.sha256
     for kind in stage.images:
@@ -162,6 +168,14 @@ def input_hashes(session: Session, stage: Stage) -> dict[str, str]:
             known = [stream.sha256, stream.depth_unit_m, camera and asdict(camera), frames and frames.sha256]
             hashes[f"{kind} images"] = _hash(known)
     return hashes
+
+
+def shapes_for(session: Session, stage: Stage) -> list[dict[str, object]]:
+    """The key frames that a stage looks at."""
+    wanted = 2 if "tracks_2d" in stage.outputs else 3
+    if not session.has_table(SHAPES):
+        return []
+    return [row for row in session.table(SHAPES).to_arrow().to_pylist() if row["dimensions"] == wanted]
 
 
 def _hash(value: object) -> str:

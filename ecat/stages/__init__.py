@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from ecat.stages.hull import HULL
 from ecat.stages.plane import PLANE
 from ecat.stages.pose import POSE
 from ecat.stages.propose import PROPOSE
 from ecat.stages.relations import RELATIONS
 from ecat.stages.smooth import SMOOTH
 from ecat.stages.stage import Stage
+from ecat.stages.table_depth import OUTLINE
 from ecat.stages.track import TRACK
 
-STAGES: tuple[Stage, ...] = (TRACK, PLANE, POSE, SMOOTH, RELATIONS, PROPOSE)
+STAGES: tuple[Stage, ...] = (TRACK, PLANE, OUTLINE, POSE, SMOOTH, HULL, RELATIONS, PROPOSE)
 """Every stage, in the order in which they run."""
 
 __all__ = ["STAGES", "Stage"]

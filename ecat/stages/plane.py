@@ -1,8 +1,9 @@
-"""The table's plane: from polygons that a person drew, and from the boxes that stand on it."""
+"""The table's plane: from polygons that a person drew, from the boxes that stand on it, and from depth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,8 +18,10 @@ from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.planes import PlaneFit, fit_plane, plane_frame
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion, quaternion_from_matrix
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
+from ecat.stages.images import Images, ImagesByKind
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
+from ecat.stages.table_depth import fit_table_in_depth
 from ecat.tables import TABLE_PLANE
 
 MIN_BOX_FRAMES = 20
@@ -71,7 +74,7 @@ def fit_table(
     else:
         raise InputError(
             "cannot fit the table's plane",
-            where=f"{np.isfinite(polygon).all(1).sum()} polygon points, no boxes",
+            where=f"{np.isfinite(polygon).all(1).sum()} polygon points, no known box seen in the image",
             consequence="no table_plane was made",
             fix="draw the table as a 3-D polygon, or give the prototypes of the boxes that stand on it",
         )
@@ -102,15 +105,18 @@ def _standing_boxes(
     *,
     unmeasured: bool,
 ) -> list[BoxSightings]:
-    """Boxes seen often enough; nominal ones only if asked for: they pull the plane to where their tables are
-    wrong.
+    """Boxes seen often enough, or without a polygon (``unmeasured``) all that are seen; nominal ones only then: they
+    pull the plane to where their tables are wrong.
     """
     if markers_2d is None:
         return []
     faces = read_faces(markers_2d, markers_3d, parameters.camera)
     boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
     measured = [all(f.sigma_m is not None for f in p.faces) for p in parameters.prototypes]
-    return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and (measured[b.prototype] or unmeasured)]
+    boxes = [b for b in boxes if np.isfinite(b.seen.pixels).any()]
+    if unmeasured:
+        return boxes
+    return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and measured[b.prototype]]
 
 
 def standing_points(
@@ -177,19 +183,41 @@ def polygon_points(keyframes: pa.Table, surface: str = "") -> Floats:
     return np.stack(columns, -1)
 
 
-def _run(tables: Tables, parameters: PlaneParameters) -> dict[str, pa.Table]:
+def _run(tables: Tables, images: ImagesByKind, parameters: PlaneParameters) -> dict[str, pa.Table]:
     keyframes = tables.get("keyframes")
     polygon = polygon_points(keyframes, parameters.surface) if keyframes is not None else np.empty((0, 3))
-    plane = fit_table(polygon, tables.get("markers_2d"), tables.get("markers_3d"), parameters)
+    evidence = polygon, tables.get("markers_2d"), tables.get("markers_3d"), parameters
+    depth = images.get("depth")
+    plane = fit_table(*evidence) if depth is None else _fit_with_depth(depth, *evidence)
     return {"table_plane": plane}
+
+
+def _fit_with_depth(
+    depth: Images,
+    polygon: Floats,
+    markers_2d: pa.Table | None,
+    markers_3d: pa.Table | None,
+    parameters: PlaneParameters,
+) -> pa.Table:
+    """The plane that depth shows where polygon and boxes have it, or what they say where depth shows none."""
+    believed: pa.Table | None = None
+    with suppress(InputError):
+        believed = fit_table(polygon, markers_2d, markers_3d, parameters)
+    try:
+        return fit_table_in_depth(depth, believed)
+    except InputError:
+        if believed is None:
+            raise
+        return believed
 
 
 PLANE = Stage(
     name="plane",
     version=1,
     inputs=("keyframes", "markers_2d", "markers_3d"),
+    images=("depth",),
     outputs=("table_plane",),
     parameters=PlaneParameters,
     run=_run,
-    optional=("keyframes", "markers_2d", "markers_3d"),
+    optional=("keyframes", "markers_2d", "markers_3d", "depth"),
 )

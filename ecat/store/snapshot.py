@@ -25,7 +25,11 @@ T = TypeVar("T")
 _PUBLISHED = {schema.name for schema in PUBLISHED}
 _STAGES = {
     "markers_2d": "track",
+    "face_planes": "face_planes",
     "table_plane": "plane",
+    "table_outline": "outline",
+    "tracks_2d": "hull",
+    "hulls": "hull",
     "poses": "pose",
     "poses_smooth": "smooth",
     "relation_proposals": "relations",

@@ -10,8 +10,10 @@ import pyarrow as pa
 
 from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
-from ecat.view.lanes import event_label
+from ecat.view.lanes import event_name, is_proposed
 from ecat.view.scene import Scene, by_object, finite, numbers, texts
+
+_MOST_EVENTS = 12
 
 
 def about(manifest: Manifest, tables: Mapping[str, pa.Table], scene: Scene) -> str:
@@ -24,7 +26,8 @@ def about(manifest: Manifest, tables: Mapping[str, pa.Table], scene: Scene) -> s
 def _recording(manifest: Manifest, scene: Scene) -> str:
     t_ns = scene.timebase.t_ns
     length = f", {(t_ns[-1] - t_ns[0]) * 1e-9:.1f} s" if t_ns is not None else ", no clock"
-    lines = [f"{manifest.n_frames} frames{length}"]
+    n = manifest.n_frames
+    lines = [f"{n or 'unknown number of'} {'frame' if n == 1 else 'frames'}{length}"]
     if manifest.clock.start:
         lines.append(f"recorded {manifest.clock.start}")
     streams = [f"{s.name} ({s.kind}{'' if s.present else ', file missing'})" for s in manifest.streams]
@@ -44,12 +47,16 @@ def _objects(tables: Mapping[str, pa.Table], scene: Scene) -> str:
 def _events(tables: Mapping[str, pa.Table]) -> str:
     if "events" not in tables or not tables["events"].num_rows:
         return ""
-    counts = Counter(event_label(row) for row in tables["events"].to_pylist())
-    lines = [f"| {_escape(label)} | {n} |" for label, n in counts.most_common(12)]
-    rest = len(counts) - len(lines)
-    if rest > 0:
-        lines.append(f"| {rest} others | {counts.total() - sum(n for _, n in counts.most_common(12))} |")
-    return "## Events\n\n| event | times |\n|---|---:|\n" + "\n".join(lines)
+    rows = tables["events"].to_pylist()
+    said, proposed = (
+        Counter(event_name(row) for row in rows if is_proposed(row) == state) for state in (False, True)
+    )
+    names = sorted(said | proposed, key=lambda name: (-said[name], -proposed[name], name))
+    lines = [f"| {_escape(name)} | {said[name]} | {proposed[name]} |" for name in names[:_MOST_EVENTS]]
+    if rest := names[_MOST_EVENTS:]:
+        more, offered = (sum(counts[name] for name in rest) for counts in (said, proposed))
+        lines.append(f"| {len(rest)} others | {more} | {offered} |")
+    return "## Events\n\n| event | times | proposed |\n|---|---:|---:|\n" + "\n".join(lines)
 
 
 def _poses(tables: Mapping[str, pa.Table], scene: Scene) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -25,6 +25,7 @@ from ecat.view.scene import (
     finite,
     integers,
     numbers,
+    pale,
     rgba,
     static,
     temporal,
@@ -40,6 +41,9 @@ Span: TypeAlias = tuple[int, int]
 T = TypeVar("T", bound=Hashable)
 _HOLDS = (88, 170, 110)
 _DENIED = (70, 76, 84)
+PROPOSED = "/proposed"
+_MOST_SHARED = 4
+"""Lanes of proposals for one predicate; with many objects nearly all are left of one another."""
 
 
 def assign_lanes(spans: Sequence[Span], depths: Sequence[int]) -> list[int]:
@@ -132,9 +136,32 @@ def spans(table: pa.Table, n_frames: int) -> list[Span]:
 
 
 def event_label(row: Mapping[str, Any]) -> str:
-    """What an event is called: its text, its type, or its id; marked where proposed or unsure."""
-    label = row["text"].strip() or row["type"] or row["event_id"]
-    return ("proposed: " if row["status"] == "proposed" else "") + label + (" ?" if row["unsure"] else "")
+    """:func:`event_name`, marked where it is proposed."""
+    return ("proposed: " if is_proposed(row) else "") + event_name(row)
+
+
+def event_name(row: Mapping[str, Any]) -> str:
+    """What an event is called: its text, its type, or its id; marked where unsure."""
+    label: str = row["text"].strip() or row["type"] or row["event_id"]
+    return label + (" ?" if row["unsure"] else "")
+
+
+def is_proposed(row: Mapping[str, Any]) -> bool:
+    """Whether nobody has confirmed the event or relation yet."""
+    return row["status"] == "proposed"
+
+
+def _tops(rows: Iterable[Mapping[str, Any]], root: str) -> Callable[[Mapping[str, Any]], str]:
+    """Below which entity a row's lanes lie: proposals apart, and layers where there are several."""
+    layers = {(row["layer"], is_proposed(row)) for row in rows}
+    several = {state: sum(other == state for _, other in layers) > 1 for state in (True, False)}
+
+    def top(row: Mapping[str, Any]) -> str:
+        proposed = is_proposed(row)
+        layer = f"/{entity_part(row['layer'])}" if several[proposed] else ""
+        return f"{PROPOSED if proposed else ''}{root}{layer}"
+
+    return top
 
 
 @dataclass(frozen=True)
@@ -144,6 +171,7 @@ class _Event:
     whole: Span
     stretches: tuple[Span, ...]
     depth: int
+    proposed: bool
 
 
 def _tiers(tables: Mapping[str, pa.Table], n_frames: int) -> Iterator[tuple[str, list[_Event]]]:
@@ -158,29 +186,36 @@ def _tiers(tables: Mapping[str, pa.Table], n_frames: int) -> Iterator[tuple[str,
         for row in tables["event_links"].to_pylist()
         if row["type"].upper() == "SUBEVENT"
     )
-    several = len({row["layer"] for row in rows}) > 1
+    top = _tops(rows, "/events")
     tiers: dict[str, list[_Event]] = defaultdict(list)
     for row, whole in zip(rows, spans(tables["events"], n_frames), strict=True):
         key = (row["layer"], row["event_id"])
-        top = f"/events/{entity_part(row['layer'])}" if several else "/events"
-        event = _Event(key[1], event_label(row), whole, tuple(stretches[key] or [whole]), depth.get(key, 0))
-        tiers[f"{top}/{entity_part(row['tier'] or 'event')}"].append(event)
+        parts = tuple(stretches[key] or [whole])
+        event = _Event(key[1], event_name(row), whole, parts, depth.get(key, 0), is_proposed(row))
+        tiers[f"{top(row)}/{entity_part(row['tier'] or 'event')}"].append(event)
     yield from tiers.items()
 
 
 def events(tables: Mapping[str, pa.Table], scene: Scene) -> Iterator[Chunk]:
     """Tables ``events``, ``event_segments`` and ``event_links`` as lanes ``/events/<tier>/<lane>``.
 
-    With several layers, each has its own lanes below ``/events/<layer>``.  Equal labels have equal colours.
+    With several layers, each has its own lanes below ``/events/<layer>``; proposals lie below ``/proposed``.
+    Equal labels have equal colours, proposals the paler ones.
     """
-    labels = dict.fromkeys(event_label(row) for row in tables["events"].to_pylist())
-    colors = {label: rgba(PALETTE[i % len(PALETTE)]) for i, label in enumerate(labels)}
+    labels = dict.fromkeys(event_name(row) for row in tables["events"].to_pylist())
+    colors = {label: PALETTE[i % len(PALETTE)] for i, label in enumerate(labels)}
     for path, mine in _tiers(tables, scene.timebase.n_frames):
         lanes = assign_lanes([event.whole for event in mine], [event.depth for event in mine])
         for number in sorted(set(lanes)):
             shown = [event for event, at in zip(mine, lanes, strict=True) if at == number]
             changed = changes((start, end, event.id) for event in shown for start, end in event.stretches)
-            styles = {event.id: (event.label, colors[event.label]) for event in shown}
+            styles = {
+                event.id: (
+                    event.label,
+                    rgba(pale(colors[event.label]) if event.proposed else colors[event.label]),
+                )
+                for event in shown
+            }
             yield from lane(f"{path}/{number}", changed, styles, scene)
 
 
@@ -201,18 +236,40 @@ def event_log(events_table: pa.Table, scene: Scene) -> Iterator[Chunk]:
 
 
 def relations(table: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Table ``relations`` as a lane for each fact, ``/relations/<predicate>/<argument>/...``."""
-    facts: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
+    """Table ``relations`` as a lane for each fact, ``/relations/<predicate>/<argument>/...``.
+
+    Proposals are many: they share lanes, ``/proposed/relations/<predicate>/<lane>``, with their arguments in words.
+    """
     rows = table.to_pylist()
-    layers = {row["layer"] for row in rows}
-    for row, (start, end) in zip(rows, spans(table, scene.timebase.n_frames), strict=True):
-        arguments = "/".join(scene.thing(target).part for target in row["arguments"])
-        layer = "" if len(layers) == 1 else f"/{entity_part(row['layer'])}"
-        state = "holds" if row["polarity"] else "denied"
-        facts[f"/relations{layer}/{entity_part(row['predicate'])}/{arguments}"].append((start, end, state))
+    whole = spans(table, scene.timebase.n_frames)
+    top = _tops(rows, "/relations")
+    facts: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
+    proposals: dict[str, list[tuple[Span, str]]] = defaultdict(list)
+    for row, span in zip(rows, whole, strict=True):
+        path = f"{top(row)}/{entity_part(row['predicate'])}"
+        things = [scene.thing(target) for target in row["arguments"]]
+        if is_proposed(row):
+            words = ", ".join(thing.name for thing in things) or row["predicate"]
+            proposals[path].append((span, words if row["polarity"] else f"not: {words}"))
+        else:
+            state = "holds" if row["polarity"] else "denied"
+            facts["/".join([path, *(thing.part for thing in things)])].append((*span, state))
     styles = {"holds": ("holds", rgba(_HOLDS)), "denied": ("denied", rgba(_DENIED))}
     for path, marked in sorted(facts.items()):
-        yield from lane(path.rstrip("/"), changes(marked), styles, scene)
+        yield from lane(path, changes(marked), styles, scene)
+    for path, offered in sorted(proposals.items()):
+        yield from _shared(path, offered, scene)
+
+
+def _shared(path: str, offered: Sequence[tuple[Span, str]], scene: Scene) -> Iterator[Chunk]:
+    """Proposals of one predicate in as few lanes as they need, at most ``_MOST_SHARED``; equal words, equal shades."""
+    lanes = assign_lanes([span for span, _ in offered], [0] * len(offered))
+    words = dict.fromkeys(text for _, text in offered)
+    shades = {text: (text, rgba(pale(PALETTE[i % len(PALETTE)]))) for i, text in enumerate(words)}
+    for number in range(min(max(lanes) + 1, _MOST_SHARED)):
+        mine = [(*span, text) for (span, text), at in zip(offered, lanes, strict=True) if at == number]
+        styles = {text: shades[text] for *_, text in mine}
+        yield from lane(f"{path}/{number}", changes(mine), styles, scene)
 
 
 def supports(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:

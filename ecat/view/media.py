@@ -1,149 +1,172 @@
-"""Colour images and depth of a session, made small enough to look at."""
+"""The images of a session, made small enough to look at."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import islice
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from ecat.model import Camera, Stream
+from ecat.errors import EcatError
 from ecat.progress import Progress
-from ecat.view.scene import CAMERA, IMAGE, Frames, Scene, integers, static, temporal, texts
+from ecat.store.media import StreamImages, open_images
+from ecat.view.scene import Frames, Scene, static, temporal
+from ecat.view.streams import ShownStream, depth_step, shown_streams, straightened
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rerun.chunk import Chunk
 
     from ecat.store import Session
 
 SHOWN_WIDTH = 960
-"""Colour images wider than this are reduced: 1080p frames would make a recording of a gigabyte a minute."""
-DEPTH_STEP = 2
-"""Every other depth pixel of every other row is shown."""
+"""Colour and infrared images wider than this are reduced: 1080p would make a recording of a gigabyte a minute."""
+MOST_IMAGES = 6000
+"""Of a longer stream every second, third, ... image is shown: a viewer holds all that it is sent in memory."""
 _BATCH = 30
 _JPEG_QUALITY = 80
+_THREADS = 2
+_POINT_FILL = 0.7
+"""How far the points of neighbouring pixels overlap: 1 closes slanted surfaces, .5 leaves no overlap at all."""
+
+Encode: TypeAlias = Callable[[NDArray[Any]], NDArray[np.uint8]]
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """How the images of a stream are sent: what holds for all of them, and how one becomes bytes."""
+
+    always: Any
+    archetype: Any
+    media_type: str
+    encode: Encode
 
 
 def media(session: Session, scene: Scene, progress: Progress) -> Iterator[Chunk]:
-    """The first colour and the first depth stream whose files are there."""
-    for kind, send in (("color", _color), ("depth", _depth)):
-        stream = next((s for s in session.manifest.streams if s.kind == kind and s.present), None)
-        if stream is not None:
-            yield from send(session, stream, scene, progress)
+    """The images of every stream of colour, depth and infrared whose file is there, each at its own time."""
+    for shown in shown_streams(session.manifest):
+        try:
+            images = open_images(session, shown.stream.name, threads=_THREADS)
+        except EcatError as error:
+            yield _remark(shown, f"could not be decoded: {error.where}")
+            continue
+        with images:
+            yield from _sent(shown, images, scene, progress)
 
 
-def image_frames(session: Session, stream: Stream, n_images: int, scene: Scene) -> Frames:
-    """The frame of the annotated video (n_images,) during which each image of ``stream`` was taken.
+def _sent(shown: ShownStream, images: StreamImages, scene: Scene, progress: Progress) -> Iterator[Chunk]:
+    at = _chosen(images, scene)
+    every = int(at[1] - at[0]) if len(at) > 1 else 1
+    if every > 1:
+        yield _remark(shown, f"one image of every {every} is shown, {len(at):,} of {len(images):,}")
+    t_ns = None if images.t_ns is None else images.t_ns[at]
+    frames, done = images.frame[at], 0
+    source = islice(images, len(at)) if every == 1 else images.read(at.tolist())
+    picture: _Picture | None = None
+    try:
+        for first in source:
+            if picture is None:
+                picture = _picture(shown, first, images.unit_m)
+                yield static(shown.image_path, picture.always)
+            batch = islice(chain([first], source), _BATCH)
+            blobs, problem = _until_broken(picture.encode, batch)
+            here = slice(done, done + len(blobs))
+            columns = picture.archetype.columns(blob=blobs, media_type=[picture.media_type] * len(blobs))
+            own = None if t_ns is None else t_ns[here]
+            yield temporal(shown.image_path, scene.timebase, frames[here], columns, own)
+            done += len(blobs)
+            progress(f"{shown.stream.name} images", done, len(at))
+            if problem is not None:
+                raise problem
+    except EcatError as error:
+        yield _remark(shown, f"could be decoded for {done:,} of {len(at):,} images: {error.where}")
 
-    From the recorded times; without them the images are spread evenly over the recording.
-    """
-    if session.has_table("frames"):
-        frames = session.table("frames").to_arrow()
-        mine = frames.filter(pa.array(texts(frames, "stream") == stream.name))
-        if mine.num_rows >= n_images:
-            return scene.timebase.frames_at(np.sort(integers(mine, "t_ns"))[:n_images])
-    share = scene.timebase.n_frames / max(stream.n_frames or n_images, n_images, 1)
-    return np.floor(np.arange(n_images) * share).astype(np.int64)
+
+def _chosen(images: StreamImages, scene: Scene) -> Frames:
+    """Which images (n,) are shown: evenly, at most ``MOST_IMAGES``, none after the annotated video's last frame."""
+    n = int(np.count_nonzero(images.frame < scene.timebase.n_frames))
+    return np.arange(0, n, max(-(-n // MOST_IMAGES), 1))
 
 
-def reduced(camera: Camera, step: int) -> Camera:
-    """The camera whose image is every ``step``-th pixel of every ``step``-th row."""
-    return replace(
-        camera,
-        width_px=-(-camera.width_px // step),
-        height_px=-(-camera.height_px // step),
-        fx_px=camera.fx_px / step,
-        fy_px=camera.fy_px / step,
-        cx_px=camera.cx_px / step,
-        cy_px=camera.cy_px / step,
-    )
+def _until_broken(
+    encode: Encode, images: Iterator[NDArray[Any]]
+) -> tuple[list[NDArray[np.uint8]], EcatError | None]:
+    """The encoded images, and what ended them before their time."""
+    blobs: list[NDArray[np.uint8]] = []
+    try:
+        blobs.extend(encode(image) for image in images)
+    except EcatError as error:
+        return blobs, error
+    return blobs, None
 
 
-def _color(session: Session, stream: Stream, scene: Scene, progress: Progress) -> Iterator[Chunk]:
+def _picture(shown: ShownStream, first: NDArray[Any], unit_m: float) -> _Picture:
     import rerun as rr
 
-    path = f"{IMAGE}/image"
-    total = min(stream.n_frames or scene.timebase.n_frames, scene.timebase.n_frames)
-    images = islice(_video(session.stream_path(stream.name), raw=False), total)
-    done = 0
-    while batch := list(islice(images, _BATCH)):
-        if not done:
-            scale = batch[0].shape[1] / min(batch[0].shape[1], SHOWN_WIDTH)
-            yield static(path, rr.Transform3D(scale=[scale, scale, 1.0]))
-        blobs = [_jpeg(image) for image in batch]
-        columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * len(blobs))
-        yield temporal(path, scene.timebase, np.arange(done, done + len(blobs)), columns)
-        done += len(blobs)
-        progress("colour images", done, total)
-    if not done:
-        yield unreadable(stream)
+    if shown.stream.kind == "depth":
+        near, far = np.percentile(first[first > 0], [1, 98]) if first.any() else (300, 3000)
+        always = rr.EncodedDepthImage.from_fields(
+            meter=1 / unit_m,
+            # the darkest colours are left to what comes nearer than anything in the first image
+            depth_range=[max(near - 0.15 * (far - near), 0.0), far],
+            point_fill_ratio=_POINT_FILL,
+        )
+        return _Picture(always, rr.EncodedDepthImage, "image/png", _depth_encoder(shown, first))
+    scale = first.shape[1] / min(first.shape[1], SHOWN_WIDTH)
+    encode = _jpeg
+    if first.dtype == np.uint16:
+        white = max(float(np.percentile(first, 99)), 1.0)
+
+        def encode(image: NDArray[Any]) -> NDArray[np.uint8]:
+            # the square root, as eyes and cameras for them do: what is far returns little light
+            return _jpeg((255 * np.sqrt(np.minimum(image / white, 1.0))).astype(np.uint8))
+
+    return _Picture(rr.Transform3D(scale=[scale, scale, 1.0]), rr.EncodedImage, "image/jpeg", encode)
 
 
-def _jpeg(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _jpeg(image: NDArray[Any]) -> NDArray[np.uint8]:
     import cv2
 
     height, width = image.shape[:2]
     if width > SHOWN_WIDTH:
-        size = (SHOWN_WIDTH, round(height * SHOWN_WIDTH / width))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        size = (SHOWN_WIDTH, max(round(height * SHOWN_WIDTH / width), 1))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1], np.uint8)
 
 
-def _depth(session: Session, stream: Stream, scene: Scene, progress: Progress) -> Iterator[Chunk]:
-    import cv2
-    import rerun as rr
-
-    path = f"{CAMERA}/depth"
-    file = session.stream_path(stream.name)
-    total = stream.n_frames or scene.timebase.n_frames
-    frames = image_frames(session, stream, total, scene)
-    images = islice(_dep(file) if file.suffix == ".dep" else _video(file, raw=True), total)
-    done = 0
-    while batch := list(islice(images, _BATCH)):
-        if batch[0].dtype != np.uint16 or batch[0].ndim != 2:
-            break
-        small = [np.ascontiguousarray(image[::DEPTH_STEP, ::DEPTH_STEP]) for image in batch]
-        blobs = [
-            np.asarray(cv2.imencode(".png", i, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1], np.uint8) for i in small
-        ]
-        if not done:
-            yield static(path, rr.EncodedDepthImage.from_fields(meter=1000.0, depth_range=[300.0, 3000.0]))
-        columns = rr.EncodedDepthImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
-        yield temporal(path, scene.timebase, frames[done : done + len(blobs)], columns)
-        done += len(blobs)
-        progress("depth images", done, total)
-    if not done:
-        yield unreadable(stream)
-
-
-def unreadable(stream: Stream) -> Chunk:
-    """A line in the log instead of images that no decoder here understands."""
-    import rerun as rr
-
-    text = f"stream {stream.name}: {stream.file} could not be decoded; the view goes without its images"
-    return static("/log/media", rr.TextLog(text, level="WARN"))
-
-
-def _video(path: Path, *, raw: bool) -> Iterator[NDArray[Any]]:
-    """The images of a video, BGR; ``raw`` as stored, for 16-bit depth."""
+def _depth_encoder(shown: ShownStream, first: NDArray[Any]) -> Encode:
+    """Depth images as PNG, thinned, and as if taken without a bent lens where that is known."""
     import cv2
 
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_CONVERT_RGB, 0] if raw else [])
-    try:
-        while (read := capture.read())[0]:
-            yield np.asarray(read[1])
-    finally:
-        capture.release()
+    step = depth_step(first.shape[1])
+    camera = shown.camera
+    bent = camera is not None and any(camera.distortion)
+    source: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    if camera is not None and bent and first.shape == (camera.height_px, camera.width_px):
+        # never between two pixels: at an edge there is nothing half way
+        u, v = (np.nan_to_num(grid, nan=-1).astype(np.float32) for grid in straightened(camera, step))
+        source = u, v
+
+    # runs of equal bytes (what was not measured) and their frequencies: no search for longer repeats in noise
+    packing = [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+
+    def encode(image: NDArray[Any]) -> NDArray[np.uint8]:
+        if source is None:
+            small = np.ascontiguousarray(image[::step, ::step])
+        else:
+            small = cv2.remap(image, *source, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
+        return np.asarray(cv2.imencode(".png", small, packing)[1], np.uint8)
+
+    return encode
 
 
-def _dep(path: Path) -> Iterator[NDArray[np.uint16]]:
-    from ecat.formats.ecat2018.depth_file import DepthFile
+def _remark(shown: ShownStream, text: str) -> Chunk:
+    """A line in the log."""
+    import rerun as rr
 
-    with DepthFile(path) as images:
-        yield from images
+    return static(
+        f"/log/media/{shown.path.rsplit('/', 1)[-1]}",
+        rr.TextLog(f"stream {shown.stream.name}: {text}", level="WARN"),
+    )

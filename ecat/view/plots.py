@@ -14,17 +14,22 @@ from ecat.view.scene import (
     Scene,
     Thing,
     by_object,
+    entity_part,
     integers,
     numbers,
     rows_per_frame,
     static,
     temporal,
+    texts,
 )
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
 
 QUALITY = "/quality"
+IMU = "/imu"
+"""What an inertial sensor measured, as ``/imu/<sensor>/<axis>``."""
+_AXES = {"x": (255, 92, 92), "y": (92, 224, 122), "z": (92, 156, 255)}
 METRICS = ("speed_m_per_s", "residual_px", "sigma_mm", "n_faces")
 """What is plotted, each below ``/quality/<metric>/<object>``."""
 
@@ -56,10 +61,12 @@ def speeds(poses: pa.Table, scene: Scene) -> Iterator[Chunk]:
         return
     t_s = timebase.t_ns[: timebase.n_frames].astype(np.float64) / 1e9
     for object_id, rows in by_object(poses):
-        frames = integers(rows, "frame")
+        at = integers(rows, "frame")
+        inside = (at >= 0) & (at < timebase.n_frames)
+        frames = at[inside]
         # missing frames must not be bridged, so the rows are spread over every frame first
         everywhere = np.full((timebase.n_frames, 3), np.nan)
-        everywhere[frames] = numbers(rows, "x y z")
+        everywhere[frames] = numbers(rows, "x y z")[inside]
         yield from curve(
             "speed_m_per_s", scene.thing(object_id), scene, frames, speed(everywhere, t_s)[frames]
         )
@@ -76,3 +83,28 @@ def curve(metric: str, thing: Thing, scene: Scene, frames: Frames, values: Float
     yield static(path, rr.SeriesLines(names=[thing.name], colors=[thing.color], widths=[1.2]))
     at, counts = rows_per_frame(frames[known], scene.timebase.n_frames)
     yield temporal(path, scene.timebase, at, rr.Scalars.columns(scalars=values[known]).partition(counts))
+
+
+def inertial(imu: pa.Table, scene: Scene) -> Iterator[Chunk]:
+    """Table ``imu``: a curve for each sensor and axis, at its own times; nothing without a clock."""
+    import rerun as rr
+
+    if scene.timebase.t_ns is None:
+        return
+    sensors = texts(imu, "sensor")
+    for sensor in np.unique(sensors):
+        rows = imu.filter(pa.array(sensors == sensor))
+        t_ns = integers(rows, "t_ns")
+        for axis, color in _AXES.items():
+            values = numbers(rows, axis)[:, 0]
+            known = np.isfinite(values)
+            if not known.any():
+                continue
+            path = f"{IMU}/{entity_part(str(sensor))}/{axis}"
+            # a single reading makes no line
+            style = rr.SeriesLines(names=[axis], colors=[color], widths=[1.0])
+            if known.sum() == 1:
+                style = rr.SeriesPoints(names=[axis], colors=[color], marker_sizes=[4.0])
+            yield static(path, style)
+            scalars, at = rr.Scalars.columns(scalars=values[known]), t_ns[known]
+            yield temporal(path, scene.timebase, scene.timebase.frames_at(at), scalars, at)

@@ -16,25 +16,29 @@ from ecat.progress import Progress, silent
 from ecat.store import Session, staged_file
 from ecat.tables import PUBLISHED
 from ecat.view.about import about
-from ecat.view.image import border, markers_2d, shapes_2d
 from ecat.view.lanes import event_log, events, relations, supports
 from ecat.view.layout import Overview, layout
+from ecat.view.marks import hulls, markers_2d, markers_3d, shapes, tracks
 from ecat.view.media import media
-from ecat.view.plots import quality, speeds
+from ecat.view.plots import inertial, quality, speeds
 from ecat.view.scene import Scene, integers, numbers, scene, static
 from ecat.view.sink import written_to
 from ecat.view.skeleton import skeletons
 from ecat.view.space import (
+    UPRIGHT,
+    border,
     boxes,
+    camera_path,
     cameras,
     color_camera,
+    depth_outlines,
     first_table_from_camera,
-    markers_3d,
-    shapes_3d,
     table_outline,
     table_surface,
+    travels,
     world,
 )
+from ecat.view.streams import shown_streams
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -51,7 +55,12 @@ _TABLES = (
     "relations",
     "markers_2d",
     "markers_3d",
+    "tracks_2d",
+    "hulls",
     "table_plane",
+    "table_outline",
+    "camera_poses",
+    "imu",
     "joints",
     "poses",
     "poses_smooth",
@@ -123,16 +132,21 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
     """Everything of a session but its images, from the published tables and those others that have rows."""
     import rerun as rr
 
-    yield from world(tables.get("table_plane"), shown.timebase)
-    yield from cameras(manifest)
+    yield from _places(manifest, tables, shown)
     size = _image_size(manifest)
     if size is not None:
         yield border(*size)
-    if "table_plane" in tables:
-        yield from table_surface(_table_edge(tables))
-    yield from shapes_2d(tables["keyframes"], tables["objects"], shown)
-    yield from shapes_3d(tables["keyframes"], tables["objects"], shown)
-    for name, send in (("markers_2d", markers_2d), ("markers_3d", markers_3d), ("joints", skeletons)):
+    for dimensions in (2, 3):
+        yield from shapes(tables["keyframes"], tables["objects"], shown, dimensions=dimensions)
+    senders = {
+        "markers_2d": markers_2d,
+        "markers_3d": markers_3d,
+        "tracks_2d": tracks,
+        "hulls": hulls,
+        "joints": skeletons,
+        "imu": inertial,
+    }
+    for name, send in senders.items():
         if name in tables:
             yield from send(tables[name], shown)
     best = tables.get("poses_smooth", tables.get("poses"))
@@ -148,17 +162,30 @@ def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Sc
     yield static("/about", rr.TextDocument(about(manifest, tables, shown), media_type=rr.MediaType.MARKDOWN))
 
 
+def _places(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene) -> Iterator[Chunk]:
+    """The cameras and the table."""
+    plane, poses = tables.get("table_plane"), tables.get("camera_poses")
+    travelled = travels(poses, manifest, shown.timebase) if poses is not None else None
+    yield from world(plane, shown.timebase, travelled)
+    yield from cameras(manifest)
+    if travelled is not None:
+        yield camera_path(UPRIGHT if plane is None else first_table_from_camera(plane), travelled[1])
+    if plane is not None:
+        yield from table_surface(_table_edge(tables))
+    if "table_outline" in tables:
+        yield from depth_outlines(tables["table_outline"], shown.timebase)
+
+
 def _blueprint(
     manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene, chunks: list[Chunk]
 ) -> Blueprint:
     paths = sorted({chunk.entity_path for chunk in chunks if chunk.num_rows})
-    images = {"color": "/world/camera/color/image", "depth": "/world/camera/depth"}
-    paths += [images[s.kind] for s in manifest.streams if s.present and s.kind in images]
     overview = None
     if "table_plane" in tables:
         camera_at = first_table_from_camera(tables["table_plane"]).translation
         overview = Overview(_table_edge(tables), camera_at)
-    return layout(paths, shown, image_size=_image_size(manifest), overview=overview)
+    streams = shown_streams(manifest)
+    return layout(paths, shown, image_size=_image_size(manifest), overview=overview, streams=streams)
 
 
 def _image_size(manifest: Manifest) -> tuple[int, int] | None:
@@ -167,10 +194,12 @@ def _image_size(manifest: Manifest) -> tuple[int, int] | None:
 
 
 def _table_edge(tables: Mapping[str, pa.Table]) -> Floats:
-    """The table's edge (n, 2) in the ``table`` frame: as it was drawn first, else around the boxes."""
+    """The table's edge (n, 2) in the ``table`` frame: as it was drawn or found first, else around the boxes."""
     drawn = np.zeros((0, 3))
     keyframes = tables["keyframes"]
     solid = keyframes.filter(pa.array(integers(keyframes, "dimensions") == 3))
+    if not solid.num_rows:
+        solid = tables.get("table_outline", solid)
     if solid.num_rows:
         first = solid.filter(pa.array(integers(solid, "frame") == integers(solid, "frame").min()))
         drawn = first_table_from_camera(tables["table_plane"]).apply(numbers(first, "x y z"))

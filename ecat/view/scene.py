@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ecat.errors import LimitError
 from ecat.geometry.boxes import match_codes
 from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
@@ -42,6 +43,8 @@ PALETTE: tuple[Rgb, ...] = (
     (210, 230, 90),
     (140, 170, 255),
 )
+MAX_FRAMES = 1_000_000
+"""The longest recording that is shown, nine hours at 30 frames per second; a viewer holds all of it in memory."""
 FREE: Rgb = (255, 179, 0)
 UNOBSERVED: Rgb = (134, 142, 150)
 
@@ -59,16 +62,18 @@ class Timebase:
     n_frames: int
     t_ns: NDArray[np.int64] | None = None
 
-    def indexes(self, frames: Frames) -> list[TimeColumn]:
-        """Rerun's time columns for these frames: ``frame``, and ``session_time`` where there is a clock."""
+    def indexes(self, frames: Frames, t_ns: NDArray[np.int64] | None = None) -> list[TimeColumn]:
+        """Rerun's time columns for these frames: ``frame``, and ``session_time`` where there is a clock.
+
+        ``t_ns`` are the times (rows,) of what has a time of its own; without, each row has its frame's.
+        """
         import rerun as rr
 
         frames = np.clip(frames, 0, self.n_frames)
         columns = [rr.TimeColumn("frame", sequence=frames)]
         if self.t_ns is not None:
-            columns.append(
-                rr.TimeColumn("session_time", duration=self.t_ns[frames].astype("timedelta64[ns]"))
-            )
+            times = self.t_ns[frames] if t_ns is None else t_ns
+            columns.append(rr.TimeColumn("session_time", duration=times.astype("timedelta64[ns]")))
         return columns
 
     def frames_at(self, t_ns: NDArray[np.int64]) -> Frames:
@@ -125,8 +130,12 @@ def timebase(manifest: Manifest, frames: pa.Table | None) -> Timebase:
 
     A recorded clock comes from ``frames``; times that it misses are interpolated, its end is one median step
     after the last image.
+
+    Raises
+    ------
+    LimitError : more than ``MAX_FRAMES`` frames.
     """
-    n = manifest.n_frames
+    n = _bounded(manifest.n_frames)
     if manifest.clock.rule == "recorded" and frames is not None and frames.num_rows:
         named = texts(frames, "stream")
         color = next(
@@ -134,13 +143,24 @@ def timebase(manifest: Manifest, frames: pa.Table | None) -> Timebase:
         )
         mine = frames.filter(pa.array(named == color))
         at, t = integers(mine, "frame"), integers(mine, "t_ns")
-        n = max(n, int(at.max()) + 1)
+        n = _bounded(max(n, int(at.max()) + 1))
         step = float(np.median(np.diff(t) / np.maximum(np.diff(at), 1))) if len(t) > 1 else 0.0
         at, t = np.append(at, n), np.append(t, t[-1] + (n - at[-1]) * step)
         return Timebase(n, np.interp(np.arange(n + 1), at, t).round().astype(np.int64))
-    times = [manifest.clock.t_ns(frame, n) for frame in range(n + 1)]
+    times = manifest.clock.times_ns(range(n + 1), n)
     known = [t for t in times if t is not None]
     return Timebase(n, np.array(known, np.int64) if len(known) == len(times) else None)
+
+
+def _bounded(n_frames: int) -> int:
+    if n_frames <= MAX_FRAMES:
+        return n_frames
+    raise LimitError(
+        "cannot show the session",
+        where=f"{n_frames:,} frames, at most {MAX_FRAMES:,} can be shown",
+        consequence="nothing was shown or written",
+        fix=f"cut the recording into sessions of at most {MAX_FRAMES:,} frames",
+    )
 
 
 def box_sizes(markers_2d: pa.Table, manifest: Manifest) -> dict[str, Triple]:
@@ -259,11 +279,17 @@ def dim(color: Rgb) -> Rgb:
     return r, g, b
 
 
-def temporal(path: str, timebase: Timebase, frames: Frames, columns: ComponentColumnList) -> Chunk:
-    """What the entity shows from each of ``frames`` on."""
+def temporal(
+    path: str,
+    timebase: Timebase,
+    frames: Frames,
+    columns: ComponentColumnList,
+    t_ns: NDArray[np.int64] | None = None,
+) -> Chunk:
+    """What the entity shows from each of ``frames`` on, or from times ``t_ns`` of its own."""
     from rerun.chunk import Chunk
 
-    return Chunk.from_columns(path, timebase.indexes(frames), columns)
+    return Chunk.from_columns(path, timebase.indexes(frames, t_ns), columns)
 
 
 def static(path: str, archetype: Any) -> Chunk:

@@ -1,4 +1,4 @@
-"""What lies in space: cameras, the table, marker faces, boxes with their orientation, skeletons.
+"""What lies in space: cameras, the table, boxes with their orientation and their paths.
 
 The world of the view is the ``table`` frame (z up); what the sensors measured hangs below ``/world/camera``,
 whose transform takes ``camera/depth`` to it.
@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion
 from ecat.model import Camera, Manifest
-from ecat.view.image import key_shapes, kind_of_objects, outline, shape_part
-from ecat.view.media import DEPTH_STEP, reduced
 from ecat.view.scene import (
     CAMERA,
     FREE,
@@ -32,7 +30,6 @@ from ecat.view.scene import (
     finite,
     integers,
     numbers,
-    pale,
     rgba,
     rows_per_frame,
     static,
@@ -41,6 +38,7 @@ from ecat.view.scene import (
     texts,
     ui_points,
 )
+from ecat.view.streams import depth_step, place_of, reduced, shown_streams
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
@@ -48,7 +46,6 @@ if TYPE_CHECKING:
 # without a table the camera is taken to look straight ahead: right, down, forward turn to right, forward, up
 UPRIGHT = Rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 _NEAR_PLANE_M = 0.1
-_RING = np.array([0, 1, 2, 3, 0])
 _AXIS_COLORS = np.array([0xFF5C5CFF, 0x5CE07AFF, 0x5C9CFFFF], np.uint32)
 
 
@@ -66,22 +63,73 @@ def first_table_from_camera(table_plane: pa.Table) -> Rigid:
     return Rigid(pose.rotation[0], pose.translation[0])
 
 
-def world(table_plane: pa.Table | None, timebase: Timebase) -> Iterator[Chunk]:
-    """The world's axes, and where the depth camera stands; the table's first fit holds from the start."""
+def world(
+    table_plane: pa.Table | None, timebase: Timebase, travelled: tuple[Frames, Rigid] | None = None
+) -> Iterator[Chunk]:
+    """The world's axes, and where the depth camera stands; the table's first fit holds from the start.
+
+    Without a table the camera starts upright, and moves as ``travelled`` (:func:`travels`) where that is known.
+    """
     import rerun as rr
 
     yield static(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    if table_plane is None or not table_plane.num_rows:
+    if table_plane is not None and table_plane.num_rows:
+        frames, pose = table_from_camera(table_plane)
+        frames[0] = 0
+    elif travelled is not None:
+        frames, pose = travelled[0], UPRIGHT @ travelled[1]
+    else:
         yield static(CAMERA, rr.Transform3D(translation=UPRIGHT.translation, mat3x3=UPRIGHT.rotation))
         return
-    frames, pose = table_from_camera(table_plane)
-    frames[0] = 0
     columns = rr.Transform3D.columns(translation=pose.translation, quaternion=pose.quaternion)
     yield temporal(CAMERA, timebase, frames, columns)
 
 
-def camera(model: Camera, path: str, distance_m: float = 0.25) -> Iterator[Chunk]:
-    """A camera's place below ``/world/camera`` and its projection.
+def travels(camera_poses: pa.Table, manifest: Manifest, timebase: Timebase) -> tuple[Frames, Rigid] | None:
+    """Frames (n,) and poses (n,) of ``camera/depth`` relative to its first one; None where nothing can be placed."""
+    place = Rigid.from_quaternion(numbers(camera_poses, "qx qy qz qw"), numbers(camera_poses, "x y z"))
+    frames, t_ns = numbers(camera_poses, "frame t_ns").T
+    if timebase.t_ns is not None:
+        between = np.isnan(frames) & np.isfinite(t_ns)
+        frames[between] = timebase.frames_at(t_ns[between].astype(np.int64))
+    names = texts(camera_poses, "camera")
+    kept = np.isfinite(frames) & finite(place.translation) & finite(place.rotation) & (names == names[0])
+    if not kept.any():
+        return None
+    at, first = np.unique(frames[kept].astype(np.int64), return_index=True)
+    place = Rigid(place.rotation[kept][first], place.translation[kept][first])
+    model = manifest.camera(str(names[0]))
+    world_from_depth = place if model is None else place @ place_of(manifest, model).inverse()
+    start = Rigid(world_from_depth.rotation[0], world_from_depth.translation[0]).inverse()
+    return at, start @ world_from_depth
+
+
+def camera_path(start: Rigid, travelled: Rigid) -> Chunk:
+    """The way of the depth camera from ``start`` (its first pose in the world) on."""
+    import rerun as rr
+
+    way = start.apply(travelled.translation)
+    return static(
+        f"{WORLD}/camera_path", rr.LineStrips3D([way], colors=[rgba((120, 128, 138))], radii=[ui_points(1.2)])
+    )
+
+
+def depth_outlines(outline: pa.Table, timebase: Timebase) -> Iterator[Chunk]:
+    """The table's edge as it was found in depth (table ``table_outline``), from each fit on, ``camera/depth``."""
+    import rerun as rr
+
+    frames, points = integers(outline, "frame"), numbers(outline, "x y z")
+    at = np.unique(frames)
+    rings = [points[(frames == frame) & finite(points)] for frame in at]
+    at[0] = 0
+    path = f"{CAMERA}/table_outline"
+    yield static(path, rr.LineStrips3D.from_fields(colors=[rgba((110, 120, 134))], radii=[ui_points(1.2)]))
+    closed = [np.concatenate([ring, ring[:1]]) for ring in rings]
+    yield temporal(path, timebase, at, rr.LineStrips3D.columns(strips=closed))
+
+
+def camera(model: Camera, path: str, place: Rigid, distance_m: float = 0.25) -> Iterator[Chunk]:
+    """A camera's ``place`` below ``/world/camera`` (from the camera to ``camera/depth``) and its projection.
 
     A mirrored image runs against the camera's x axis: a camera whose x axis points left in the image.
     """
@@ -89,7 +137,7 @@ def camera(model: Camera, path: str, distance_m: float = 0.25) -> Iterator[Chunk
 
     axes = rr.ViewCoordinates.LDF if model.mirrored else rr.ViewCoordinates.RDF
     yield static(
-        path, rr.Transform3D(translation=model.translation_m, quaternion=rr.Quaternion(xyzw=model.rotation))
+        path, rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.quaternion))
     )
     yield static(
         path,
@@ -106,15 +154,28 @@ def camera(model: Camera, path: str, distance_m: float = 0.25) -> Iterator[Chunk
 
 
 def cameras(manifest: Manifest) -> Iterator[Chunk]:
-    """The colour camera, and where there are depth images the depth camera as reduced as they are shown."""
+    """The annotated video's camera, and those of all images that are there: of depth as they are shown."""
     color = color_camera(manifest)
     if color is not None:
-        yield from camera(color, IMAGE)
-    for stream in manifest.streams:
-        model = manifest.camera(stream.camera)
-        if stream.kind == "depth" and stream.present and model is not None:
-            yield from camera(reduced(model, DEPTH_STEP), f"{CAMERA}/depth")
-            return
+        yield from camera(color, IMAGE, place_of(manifest, color))
+    for shown in shown_streams(manifest):
+        model = shown.camera
+        # infrared images come from the depth camera, which is there already
+        if model is None or shown.path == IMAGE or shown.stream.kind == "infrared":
+            continue
+        if shown.stream.kind == "depth":
+            model = reduced(model, depth_step(model.width_px))
+        yield from camera(model, shown.path, place_of(manifest, model))
+
+
+def border(width_px: int, height_px: int) -> Chunk:
+    """The image's edge, so that marks without a video still have a place."""
+    import rerun as rr
+
+    corners = np.array([[[0, 0], [width_px, 0], [width_px, height_px], [0, height_px], [0, 0]]], float)
+    return static(
+        f"{IMAGE}/border", rr.LineStrips2D(strips(corners), colors=[rgba((90, 96, 104))], radii=[1.0])
+    )
 
 
 def color_camera(manifest: Manifest) -> Camera | None:
@@ -169,52 +230,6 @@ def table_surface(ring: Floats) -> Iterator[Chunk]:
         f"{WORLD}/table/axes",
         rr.Arrows3D(vectors=np.eye(3) * 0.1, origins=np.zeros((3, 3)), colors=_AXIS_COLORS, radii=[0.002]),
     )
-
-
-def markers_3d(table: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Marker faces as measured through depth (table ``markers_3d``), quadrilaterals in ``camera/depth``."""
-    import rerun as rr
-
-    for object_id, rows in by_object(table):
-        corners = numbers(rows, "x0 y0 z0 x1 y1 z1 x2 y2 z2 x3 y3 z3").reshape(-1, 4, 3)
-        seen = finite(corners)
-        frames, counts = rows_per_frame(integers(rows, "frame")[seen], scene.timebase.n_frames)
-        thing = scene.thing(object_id)
-        path = f"{CAMERA}/markers/{thing.part}"
-        yield static(
-            path,
-            rr.LineStrips3D.from_fields(colors=[rgba(pale(thing.color))], radii=[ui_points(1.2)]),
-        )
-        yield temporal(
-            path,
-            scene.timebase,
-            frames,
-            rr.LineStrips3D.columns(strips=strips(corners[seen][:, _RING])).partition(counts),
-        )
-
-
-def shapes_3d(keyframes: pa.Table, objects: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Drawn shapes (tables ``keyframes``, ``objects``) in ``camera/depth``; each stays until the next one."""
-    import rerun as rr
-
-    kinds = kind_of_objects(objects)
-    solid = keyframes.filter(pa.array(integers(keyframes, "dimensions") == 3))
-    for layer in np.unique(texts(solid, "layer")):
-        mine = solid.filter(pa.array(texts(solid, "layer") == layer))
-        for object_id, rows in by_object(mine):
-            thing = scene.thing(object_id)
-            kind = kinds.get((str(layer), object_id), "other")
-            keys = [(frame, outline(kind, shape)) for frame, shape in key_shapes(rows, 3)]
-            path = f"{CAMERA}/shapes/{shape_part(str(layer), thing.part)}"
-            style = rr.LineStrips3D.from_fields(
-                colors=[rgba(thing.color)], radii=[ui_points(1.5)], labels=[thing.name]
-            )
-            yield static(path, style)
-            columns = rr.LineStrips3D.columns(strips=[line for _, line in keys if len(line)])
-            counts = [int(len(line) > 0) for _, line in keys]
-            yield temporal(
-                path, scene.timebase, np.array([f for f, _ in keys], np.int64), columns.partition(counts)
-            )
 
 
 def pose_state(

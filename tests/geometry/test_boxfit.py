@@ -5,14 +5,27 @@ agrees.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from ecat.geometry.boxes import box_corners
-from ecat.geometry.boxfit import FREE, Noise, Scene, Sightings, linearise, motion, place, refine, solid_start
+from ecat.geometry.boxfit import (
+    FREE,
+    Noise,
+    Scene,
+    Sightings,
+    corner_sharpness,
+    linearise,
+    motion,
+    place,
+    refine,
+    solid_start,
+)
 from ecat.geometry.boxpose import BoxPoses, box_poses
 from ecat.geometry.cameras import KINECT_V2_COLOR
+from ecat.geometry.poseerror import SteadyErrors
 from ecat.geometry.transforms import Rigid, matrix_from_rotvec
 from ecat.model.prototype import STELLA_ARTOIS
 
@@ -39,8 +52,11 @@ def test_standing_boxes_are_found_exactly(table: Rigid, standing: Stand, look: S
 
 def test_the_stated_error_is_the_real_one(table: Rigid, standing: Stand, look: See) -> None:
     true = standing(400)
-    found = solved(look(true, noise_px=0.4), table)
-    off = (found.pose.translation - true.translation)[:, :2] / found.sigma_m[:, None]
+    measured = replace(STELLA_ARTOIS, faces=tuple(replace(f, sigma_m=1e-5) for f in STELLA_ARTOIS.faces))
+    steady = SteadyErrors(rest_m=1e-6, rest_rad=1e-6)
+    found = box_poses(look(true, noise_px=0.4), measured, KINECT_V2_COLOR, table, steady=steady)
+    sigma = np.sqrt(np.einsum("nii->ni", found.covariance)[:, :2])
+    off = (found.pose.translation - true.translation)[:, :2] / sigma
     # the model allows blunt corners more error than this noise has, so it states a little too much
     assert 0.5 < np.sqrt((off**2).mean()) < 1.1
 
@@ -95,6 +111,14 @@ def test_frames_do_not_know_of_each_other(table: Rigid, standing: Stand, look: S
     seen = look(standing(20), noise_px=0.5)
     together, alone = solved(seen, table), solved(seen[np.array([7])], table)
     np.testing.assert_allclose(alone.pose.translation[0], together.pose.translation[7], atol=1e-7)
+
+
+def test_an_error_across_a_corner_counts_less_than_one_along_its_bisector() -> None:
+    noise = Noise(across=2.0)
+    kite = np.array([[10.0, 0], [30, 30], [10, 80], [-10, 30]])  # symmetric about its first corner's bisector
+    sharpness = corner_sharpness(kite, noise)[0]
+    np.testing.assert_allclose(sharpness @ [0.0, 1.0], [0, 1], atol=1e-12)
+    np.testing.assert_allclose(sharpness @ [1.0, 0.0], [0.5, 0], atol=1e-12)
 
 
 def test_derivatives_of_the_pose_are_differences(table: Rigid, standing: Stand, look: See) -> None:

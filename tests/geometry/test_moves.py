@@ -86,6 +86,37 @@ def test_a_movement_that_nobody_saw_spans_the_gap() -> None:
     assert seen[move.last] == 45
 
 
+def unseen(track: Floats, first: int, last: int) -> NDArray[np.intp]:
+    """All rows but those in ``[first, last)``."""
+    return np.r_[0:first, last : len(track)]
+
+
+def test_who_comes_out_of_a_long_dark_backwards_has_turned_in_its_middle() -> None:
+    track = legs((0, 0), (0.4, 0), (0.1, 0), pause=50)
+    turn, back = moves(track, seen=unseen(track, 35, 105))
+    np.testing.assert_allclose([turn.start_s, turn.end_s], [19 / 30, (34 + 105) / 2 / 30])
+    assert back.start_s == turn.end_s
+    assert not back.from_rest
+
+
+def test_who_comes_out_of_a_long_dark_ahead_has_gone_on() -> None:
+    track = legs((0, 0), (0.4, 0), (0.8, 0), pause=50)
+    assert len(moves(track, seen=unseen(track, 35, 105))) == 1
+
+
+def test_a_short_dark_hides_no_turn() -> None:
+    track = legs((0, 0), (0.2, 0), (0.05, 0))
+    assert len(moves(track, seen=unseen(track, 28, 37))) == 1
+
+
+def test_a_turn_seen_once_is_put_in_the_middle_of_the_dark() -> None:
+    track = legs((0, 0), (0.6, 0), (0.1, 0), pause=10)
+    seen = np.r_[0:25, 60, 90 : len(track)]
+    first, second = moves(track, seen=seen)
+    np.testing.assert_allclose(first.end_s, (24 + 90) / 2 / 30)
+    assert second.start_s == first.end_s
+
+
 def test_single_outliers_on_the_way_do_not_bend_it() -> None:
     track = legs((0, 0), (0.3, 0))
     track[30] += [0.0, 0.2, 0.0]
@@ -97,7 +128,7 @@ def test_goes_on_compares_the_tangents_of_curved_ways() -> None:
     angle = np.linspace(0, np.pi, 60)
     ring = np.column_stack([0.25 * np.cos(angle), 0.25 * np.sin(angle), np.full(60, 0.08)])
     halves = ring[:30], ring[29:]
-    first, second = (Move(0, len(half) - 1, half, 0.0, from_rest=True) for half in halves)
+    first, second = (Move(0, len(half) - 1, 0.0, 1.0, half, 0.0, from_rest=True) for half in halves)
     assert goes_on(first, second, RULES, np.radians(15))
     assert not goes_on(second, first, RULES, np.radians(15))
 

@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecat.geometry.smoothing import Smoothness, smooth_track
+from ecat.geometry.smoothing import Smoothness
+from ecat.geometry.smoothing import smooth_track as smooth_with_covariance
 from ecat.geometry.transforms import Floats
 
 T: Floats = np.arange(200) / 30
 SIGMA: Floats = np.full(200, 0.001)
 HAND = Smoothness(acceleration=0.3)
+
+
+def smooth_track(t_s: Floats, values: Floats, sigma: Floats, smoothness: Smoothness) -> tuple[Floats, Floats]:
+    """With errors alike along all axes: the track and its standard deviations (n,)."""
+    d = values.shape[1]
+    track, covariance = smooth_with_covariance(t_s, values, sigma[:, None, None] ** 2 * np.eye(d), smoothness)
+    return track, np.sqrt(np.einsum("nii->n", covariance) / d)
 
 
 def noisy(track: Floats, seed: int = 0) -> Floats:
@@ -73,3 +81,60 @@ def test_too_little_to_smooth_stays_as_it_is() -> None:
     found, sigma = smooth_track(np.arange(3.0), values, np.full(3, 0.1), HAND)
     np.testing.assert_array_equal(found, values)
     assert np.isnan(sigma[1])
+
+
+@pytest.mark.parametrize("step_s", [0.0, 1e-9, 18e-6, 1e-4])
+def test_frames_that_are_hardly_apart_in_time_are_averaged(step_s: float) -> None:
+    """A clock in wrong units; the second differences alone would be too large for any solver."""
+    values = noisy(np.full((200, 3), 0.5))
+    values[50:60] = np.nan
+    found, sigma = smooth_track(np.arange(200.0) * step_s, values, SIGMA, HAND)
+    assert np.abs(found - 0.5).max() < 0.0015
+    assert (sigma < 0.001).all()
+
+
+def test_a_time_that_occurs_twice_counts_as_one_with_both_measurements() -> None:
+    track = (0.2 * T)[:, None]
+    once, sigma_once = smooth_track(T, track, SIGMA, HAND)
+    twice, sigma_twice = smooth_track(np.repeat(T, 2), np.repeat(track, 2, axis=0), np.repeat(SIGMA, 2), HAND)
+    np.testing.assert_allclose(twice[::2], once, atol=1e-3)
+    np.testing.assert_array_equal(twice[::2], twice[1::2])
+    assert (sigma_twice[::2] < sigma_once).all()
+
+
+@pytest.mark.parametrize("step_s", [1e-3, 1 / 30, 1.0, 1e6])
+@pytest.mark.parametrize("sigma_m", [1e-12, 1e-3, 1e3])
+def test_any_scale_of_time_and_error_has_a_solution(step_s: float, sigma_m: float) -> None:
+    sigma = sigma_m * np.exp(np.random.default_rng(4).normal(0, 3, 200))
+    found, doubt = smooth_track(np.arange(200.0) * step_s, noisy(np.zeros((200, 3))), sigma, HAND)
+    assert np.isfinite(found).all()
+    assert (doubt > 0).all()
+
+
+def test_what_is_badly_known_along_one_axis_is_taken_from_other_times() -> None:
+    """A face seen from the front: its distance is known ten times worse than its place in the image."""
+    rng = np.random.default_rng(5)
+    sigma = np.full((200, 2), 0.001)
+    sigma[50:150, 0] = 0.02
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    spread = turn @ (sigma[:, :, None] ** 2 * np.eye(2)) @ turn.T
+    values = rng.normal(0, 1, (200, 2)) * sigma @ turn.T
+    found, covariance = smooth_with_covariance(T, values, spread, HAND)
+    apart, _ = smooth_track(T, values, np.sqrt(np.einsum("nii->n", spread) / 2), HAND)
+    assert np.sqrt((found[60:140] ** 2).mean()) < 0.8 * np.sqrt((apart[60:140] ** 2).mean())
+    across = covariance[100] @ turn[:, 1] @ turn[:, 1], covariance[100] @ turn[:, 0] @ turn[:, 0]
+    assert across[1] > 9 * across[0]
+
+
+def test_stated_covariances_are_those_of_the_linear_problem() -> None:
+    calm = Smoothness(acceleration=0.3, tails=1e12, outliers=1e12)
+    rng = np.random.default_rng(6)
+    root = rng.normal(0, 0.001, (12, 3, 3))
+    spread = root @ np.swapaxes(root, 1, 2) + 1e-7 * np.eye(3)
+    _, covariance = smooth_with_covariance(T[:12], np.zeros((12, 3)), spread, calm)
+    bend = (np.eye(12)[:-2] - 2 * np.eye(12)[1:-1] + np.eye(12)[2:]) * 30.0**2
+    full = np.kron(bend.T @ bend / 0.3**2, np.eye(3))
+    for i, one in enumerate(spread):
+        full[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += np.linalg.inv(one)
+    blocks = np.linalg.inv(full).reshape(12, 3, 12, 3)
+    np.testing.assert_allclose(covariance, blocks[np.arange(12), :, np.arange(12)], rtol=1e-5)

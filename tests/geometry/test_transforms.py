@@ -16,7 +16,6 @@ from ecat.geometry.transforms import (
     matrix_about_z,
     matrix_from_quaternion,
     matrix_from_rotvec,
-    nearest_rotation,
     quaternion_angle,
     quaternion_from_matrix,
     skew,
@@ -84,11 +83,3 @@ def test_unknown_orientation_stays_unknown() -> None:
 def test_angle_between_orientations() -> None:
     a, b = np.array([0.0, 0.0, 0.0, 1.0]), -quaternion_from_matrix(matrix_about_z(np.array(0.3)))
     assert quaternion_angle(a, b) == pytest.approx(0.3)
-
-
-def test_nearest_rotation_of_a_noisy_one() -> None:
-    turn = matrix_about_z(np.array(0.5))
-    near = nearest_rotation(turn + 1e-3)
-    np.testing.assert_allclose(near @ near.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(near, turn, atol=3e-3)
-    assert np.linalg.det(nearest_rotation(-np.eye(3))) == pytest.approx(1)

@@ -53,6 +53,15 @@ def test_boxes_correct_a_badly_drawn_polygon(generated: Generated) -> None:
     assert off(together)[1] < 2
 
 
+def test_without_a_polygon_a_few_frames_of_a_box_have_to_do(generated: Generated) -> None:
+    session = generated(5)
+    plane = fit_table(NONE, session.markers_2d, session.markers_3d, measured(session.prototype))
+    assert plane["evidence"].to_pylist() == ["boxes"]
+    angle, height_mm = off(plane)
+    assert angle < 2
+    assert height_mm < 30
+
+
 def test_boxes_alone_give_the_plane(generated: Generated) -> None:
     session = generated(300)
     plane = fit_table(NONE, session.markers_2d, session.markers_3d, measured(session.prototype))
@@ -70,7 +79,7 @@ def test_boxes_that_were_never_measured_do_not_move_the_plane(generated: Generat
 
 
 def test_nothing_to_go_by_is_refused() -> None:
-    with pytest.raises(InputError, match="no boxes"):
+    with pytest.raises(InputError, match="no known box"):
         fit_table(np.full((4, 3), np.nan))
 
 
@@ -103,6 +112,6 @@ def test_the_stage_is_the_function(generated: Generated) -> None:
             **columns,
         }
     )
-    made = PLANE.run({"keyframes": keyframes}, PLANE.parameters())
+    made = PLANE.run({"keyframes": keyframes}, {}, PLANE.parameters())
     assert tuple(made) == PLANE.outputs
     assert off(made["table_plane"]) == pytest.approx((0, 0), abs=1e-4)

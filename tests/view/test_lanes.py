@@ -22,6 +22,7 @@ from ecat.view.lanes import (
     spans,
     supports,
 )
+from ecat.view.scene import PALETTE, pale, rgba
 from tests.view.chunks import at, paths, scene, table
 
 SPANS = st.lists(
@@ -144,6 +145,28 @@ def test_every_annotator_has_lanes_of_their_own() -> None:
     assert {path.split("/")[2] for path in paths(annotated(("ann", "bob")))} == {"ann", "bob"}
 
 
+def test_what_a_stage_proposes_lies_apart_and_is_paler() -> None:
+    rows = table(
+        "events",
+        layer=["main", "machine"],
+        event_id=["e1", "e1"],
+        type=["grasp"] * 2,
+        text=[""] * 2,
+        tier=["action"] * 2,
+        status=["confirmed", "proposed"],
+        unsure=[False] * 2,
+        start_frame=[1, 2],
+        end_frame=[4, 5],
+    )
+    tables = {"events": rows, "event_segments": table("event_segments"), "event_links": table("event_links")}
+    chunks = list(events(tables, scene()))
+    assert paths(chunks) == {"/events/action/0", "/proposed/events/action/0"}
+    said, proposed = "/events/action/0", "/proposed/events/action/0"
+    assert at(chunks, proposed, "labels")[None] == at(chunks, said, "labels")[None] == ["grasp"]
+    assert at(chunks, said, "colors")[None] == [rgba(PALETTE[0])]
+    assert at(chunks, proposed, "colors")[None] == [rgba(pale(PALETTE[0]))]
+
+
 def test_the_log_has_a_line_for_each_event_at_its_start() -> None:
     rows = table(
         "events",
@@ -166,6 +189,7 @@ def facts(**columns: Sequence[object]) -> list[Chunk]:
         "predicate": ["ON"] * n,
         "arguments": [["o1", "table 1"]] * n,
         "polarity": [True] * n,
+        "status": ["confirmed"] * n,
     }
     return list(relations(table("relations", **usual | columns), scene()))
 
@@ -186,6 +210,30 @@ def test_a_denied_fact_is_not_one_that_holds() -> None:
 
 def test_a_relation_without_arguments_keeps_its_predicate_as_path() -> None:
     assert paths(facts(start_frame=[0], end_frame=[1], arguments=[[]])) == {"/relations/ON"}
+
+
+def test_proposed_facts_of_a_predicate_share_lanes_and_are_in_words() -> None:
+    chunks = facts(
+        start_frame=[0, 1, 5],
+        end_frame=[3, 4, 8],
+        arguments=[["o1", "o2"], ["o2", "o1"], ["o1", "o2"]],
+        polarity=[True, False, True],
+        status=["proposed"] * 3,
+    )
+    lanes = "/proposed/relations/ON"
+    assert at(chunks, f"{lanes}/0", "state") == {0: ["Shell, o2"], 3: [""], 5: ["Shell, o2"], 8: [""]}
+    assert at(chunks, f"{lanes}/1", "state") == {1: ["not: o2, Shell"], 4: [""]}
+
+
+def test_however_many_proposals_hold_at_once_their_lanes_can_be_overlooked() -> None:
+    n = 50
+    many = facts(
+        start_frame=[0] * n,
+        end_frame=[9] * n,
+        arguments=[[f"o{i}"] for i in range(n)],
+        status=["proposed"] * n,
+    )
+    assert len(paths(many)) == 4
 
 
 def test_the_support_of_a_box_is_nothing_where_there_is_no_pose() -> None:
@@ -211,6 +259,7 @@ def test_lanes_follow_the_session_clock() -> None:
                 predicate=["P"],
                 arguments=[["o1"]],
                 polarity=[True],
+                status=["confirmed"],
                 start_frame=[2],
                 end_frame=[4],
             ),

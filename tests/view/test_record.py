@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,12 @@ from rerun.chunk import Chunk, RrdReader
 
 from ecat.errors import StoreError
 from ecat.formats import import_source
-from ecat.store import Session, open_session
+from ecat.model import Camera, Clock, Manifest, Relation, Stream
+from ecat.model.annotation import Argument
+from ecat.store import Draft, Session, TableData, create_session, open_session
 from ecat.view import blueprint, log_session, recording, save_rrd
-from tests.view.chunks import at
+from tests.view.chunks import at, table
+from tests.view.conftest import draft as small_draft
 
 EVERYTHING = {
     "/about",
@@ -126,16 +130,60 @@ def test_showing_a_session_leaves_the_strictness_of_rerun_as_it_was(session: Ses
     assert rr.strict_mode() == before
 
 
-def test_views_are_only_made_for_what_is_there(session: Session, bare: Session) -> None:
-    def names(part: Container | View) -> set[str]:
-        if isinstance(part, View):
-            return {str(part.name)}
-        return {name for inner in part.contents for name in names(inner)}
+def test_the_document_counts_what_people_said_and_what_was_proposed(tmp_path: Path) -> None:
+    small = small_draft()
+    (layer,) = small.layers
+    proposed = tuple(replace(event, status="proposed") for event in layer.events)
+    machine = replace(layer, name="machine", events=proposed, relations=())
+    made = create_session(tmp_path / "s", replace(small, layers=(layer, machine)))
+    save_rrd(made, tmp_path / "s.rrd")
+    (text,) = at(read(tmp_path / "s.rrd"), "/about", "text")[None]
+    assert "| Lift it | 1 | 1 |" in text
 
+
+def names(part: Container | View) -> set[str]:
+    if isinstance(part, View):
+        return {str(part.name)}
+    return {name for inner in part.contents for name in names(inner)}
+
+
+def test_views_are_only_made_for_what_is_there(session: Session, bare: Session) -> None:
     full, empty = (names(blueprint(shown).root_container) for shown in (session, bare))
     lanes = "Events, relations, support"
     assert full == {"Colour image", "Table", lanes, "Speed, m/s", "Residual, px", "About", "Log"}
     assert empty == {"About"}
+
+
+def test_a_recording_that_nobody_annotated_shows_what_was_recorded(tmp_path: Path) -> None:
+    camera = Camera(name="c", width_px=64, height_px=48, fx_px=50, fy_px=50, cx_px=32, cy_px=24)
+    streams = [Stream(name=name, kind=name, camera="c") for name in ("color", "depth", "infrared")]
+    imu = table("imu", t_ns=[0, 9], sensor=["gyroscope"] * 2, x=[0, 1], y=[0, 1], z=[0, 1])
+    draft = Draft(
+        manifest=Manifest(
+            name="raw",
+            created="2024-01-01T00:00:00",
+            n_frames=2,
+            clock=Clock(rule="uniform", duration_ns=9),
+            cameras=(camera,),
+            streams=tuple(replace(s, present=True, file=f"media/{s.name}.mkv") for s in streams),
+        ),
+        tables={"imu": TableData(data=imu)},
+        media={s.name: Path.touch for s in streams},
+    )
+    shown = blueprint(create_session(tmp_path / "raw", draft))
+    assert names(shown.root_container) == {
+        "Colour image", "Space", "Depth", "Infrared", "Turning, rad/s", "About"
+    }  # fmt: skip
+
+
+def test_many_lanes_are_spread_over_tabs(tmp_path: Path) -> None:
+    small = small_draft()
+    (layer,) = small.layers
+    facts = tuple(
+        Relation(predicate=f"P{i}", start_frame=0, arguments=(Argument(target="o1"),)) for i in range(9)
+    )
+    made = create_session(tmp_path / "s", replace(small, layers=(replace(layer, relations=facts),)))
+    assert {"Events", "Relations", "Support"} <= names(blueprint(made).root_container)
 
 
 @pytest.mark.slow

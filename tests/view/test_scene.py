@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pyarrow as pa
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ecat.errors import LimitError
 from ecat.model import Clock, Manifest, Stream
 from ecat.sample.scene import BOXES
 from ecat.view.scene import Timebase, box_sizes, entity_part, rgba, rows_per_frame, texts, things, timebase
@@ -30,6 +34,17 @@ def test_a_uniform_clock_gives_every_frame_its_time_and_the_end_too() -> None:
 
 def test_without_a_clock_there_are_frames_only() -> None:
     assert indexes(timebase(manifest(Clock()), None), [2]) == {"frame": [2]}
+
+
+@pytest.mark.parametrize("rule", ["uniform", "recorded", "unknown"])
+def test_a_recording_that_no_viewer_can_hold_is_refused(
+    rule: Literal["uniform", "recorded", "unknown"],
+) -> None:
+    clock = Clock(rule=rule, duration_ns=10**9)
+    late = table("frames", t_ns=[0], frame=[2**31 - 2], stream=["color"])
+    huge = 1 if rule == "recorded" else 2**31 - 1
+    with pytest.raises(LimitError, match="at most 1,000,000 can be shown"):
+        timebase(manifest(clock, huge), late)
 
 
 def test_a_recorded_clock_is_that_of_the_colour_images_and_what_it_misses_is_interpolated() -> None:

@@ -6,13 +6,26 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from rerun.chunk import Chunk
 
 from ecat.geometry.transforms import Rigid
-from ecat.model import Camera
+from ecat.model import Camera, Manifest
 from ecat.view.scene import FREE, UNOBSERVED, rgba
-from ecat.view.space import boxes, camera, markers_3d, pose_state, table_outline, table_surface, world
+from ecat.view.space import (
+    UPRIGHT,
+    border,
+    boxes,
+    camera,
+    camera_path,
+    depth_outlines,
+    pose_state,
+    table_outline,
+    table_surface,
+    travels,
+    world,
+)
 from tests.view.chunks import BOX, at, scene, table
 
 POSE = {"qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0, "x": 1.0, "y": 2.0, "z": 0.1}
@@ -91,11 +104,8 @@ def test_a_box_of_unknown_size_shows_its_axes_alone() -> None:
     }
 
 
-def test_faces_in_space_vanish_with_their_frame() -> None:
-    corners = {f"{axis}{i}": [float(i)] for axis in "xyz" for i in range(4)}
-    chunks = list(markers_3d(table("markers_3d", frame=[2], object_id=["o1"], **corners), scene()))
-    shown = at(chunks, "/world/camera/markers/Shell", "strips")
-    assert shown == {2: [[[0] * 3, [1] * 3, [2] * 3, [3] * 3, [0] * 3]], 3: []}
+def test_the_border_is_as_large_as_the_image() -> None:
+    assert at([border(1920, 1080)], "/world/camera/color/border", "strips")[None][0][2] == [1920, 1080]
 
 
 def plane(frames: list[int]) -> dict[str, list[float]]:
@@ -129,9 +139,9 @@ def test_without_a_table_the_camera_looks_straight_ahead_and_down_is_down() -> N
 def test_a_mirrored_image_runs_to_the_left_of_its_camera(mirrored: bool, axes: list[int]) -> None:
     model = Camera(
         name="color", width_px=8, height_px=6, fx_px=5, fy_px=5, cx_px=4, cy_px=3, mirrored=mirrored,
-        rotation=(0.0, 0.0, 1.0, 0.0), translation_m=(1.0, 2.0, 3.0),
     )  # fmt: skip
-    chunks = list(camera(model, "/c"))
+    place = Rigid.from_quaternion(np.array([0.0, 0.0, 1.0, 0.0]), np.array([1.0, 2.0, 3.0]))
+    chunks = list(camera(model, "/c", place))
     assert at(chunks, "/c", "camera_xyz")[None] == [axes]
     assert at(chunks, "/c", "translation")[None] == [[1, 2, 3]]
     assert at(chunks, "/c", "quaternion")[None] == [[0, 0, 1, 0]]
@@ -171,3 +181,44 @@ def test_the_pose_of_the_camera_is_that_of_the_plane_turned_round() -> None:
         "quaternion",
     )
     assert np.allclose(np.abs(quaternion[0][0]), np.abs(turn.quaternion))
+
+
+EYE = Camera(
+    name="color", width_px=8, height_px=6, fx_px=5, fy_px=5, cx_px=4, cy_px=3, reference="depth",
+    translation_m=(0.1, 0.0, 0.0),
+)  # fmt: skip
+MANIFEST = Manifest(name="s", created="2024-01-01T00:00:00", n_frames=10, cameras=(EYE,))
+
+
+def moved(frames: Sequence[int | None], x: Sequence[float], t_ns: Sequence[int] | None = None) -> pa.Table:
+    """The colour camera moves along x of a world in which it lies on its side."""
+    turn = {"qx": 0.0, "qy": 0.0, "qz": math.sqrt(0.5), "qw": math.sqrt(0.5)}
+    flat = {name: [value] * len(x) for name, value in (turn | {"y": 0.0, "z": 0.0}).items()}
+    times = t_ns or [None] * len(x)
+    return table("camera_poses", frame=frames, t_ns=times, camera=["color"] * len(x), x=x, **flat)
+
+
+def test_a_camera_that_moves_starts_upright_and_goes_where_the_recording_says() -> None:
+    travelled = travels(moved([0, 4], [7.0, 9.0]), MANIFEST, scene().timebase)
+    assert travelled is not None
+    placed = at(list(world(None, scene().timebase, travelled)), "/world/camera", "translation")
+    assert list(placed) == [0, 4]
+    # two metres along the world's x are two metres up along the camera's -y, which is the view's z
+    assert np.allclose([placed[0][0], placed[4][0]], [[0, 0, 0], [0, 0, 2]], atol=1e-6)
+    path = at([camera_path(UPRIGHT, travelled[1])], "/world/camera_path", "strips")
+    assert np.allclose(path[None], [[[0, 0, 0], [0, 0, 2]]], atol=1e-6)
+
+
+def test_camera_poses_between_images_fall_on_the_image_on_show() -> None:
+    between = moved([None, None], [0.0, 1.0], [5, 25])
+    travelled = travels(between, MANIFEST, scene(step_ns=10).timebase)
+    assert travelled is not None
+    assert travelled[0].tolist() == [0, 2]
+    assert travels(between, MANIFEST, scene().timebase) is None
+
+
+def test_the_outline_of_the_table_is_closed_and_holds_from_the_start() -> None:
+    corners = {"x": [0.0, 1.0, 1.0], "y": [0.0, 0.0, 1.0], "z": [1.0] * 3}
+    found = table("table_outline", frame=[3] * 3, vertex=[0, 1, 2], **corners)
+    shown = at(list(depth_outlines(found, scene().timebase)), "/world/camera/table_outline", "strips")
+    assert shown == {0: [[[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 0, 1]]]}

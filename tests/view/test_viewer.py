@@ -52,4 +52,5 @@ def test_a_picture_is_reduced_and_loses_the_menu_bar() -> None:
     read = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     assert read is not None
     assert read.shape == (164, 300, 3)
-    assert (read == 255).all()
+    # there are fewer shades than 256
+    assert (read > 249).all()
