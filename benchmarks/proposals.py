@@ -5,9 +5,10 @@
 A proposed action counts if it is of the same object and its span overlaps with a true one by half of what both cover
 (IoU >= 0.5); each is matched with at most one, as many as possible.  Printed for generated sessions: F1 of actions from
 the first touch to the last (of single movements where there are no hands), rearrangements included, and how far the
-parts are off, for poses that are the truth with noise, outliers and gaps, and for the whole pipeline from markers.  For
-the real sessions: all actions, and those of the kind that the session was recorded for, since the annotators left out
-how the boxes were put back.
+parts are off, for poses that are the truth with noise, outliers and gaps, and for the whole pipeline from markers.
+Then, for sessions that show one kind of action again and again, generated and real, where annotators leave out how the
+boxes are put back: all actions, those that are not called ``set``, and, of the real ones, those of the kind that the
+session was recorded for, which proposals do not know.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from scipy.optimize import linear_sum_assignment
 
 from ecat.formats import import_source
 from ecat.process import calibrate, process_session
-from ecat.sample import sample_session
+from ecat.process.proposals import LAYER
+from ecat.sample import ACTIONS, sample_session
 from ecat.sample.truth import GroundTruth
 from ecat.sample.truth_tables import ground_truth_tables
 from ecat.stages.propose import ProposeParameters, propose_events
@@ -92,6 +94,16 @@ def true_spans(truth: GroundTruth, part: str | None = None) -> list[Span]:
     return found
 
 
+def wanted(truth: GroundTruth) -> list[Span]:
+    """The actions that an annotator would mark."""
+    return [t for t, move in zip(true_spans(truth), truth.moves, strict=True) if move.kind != "set"]
+
+
+def not_set(events: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Proposals without those that only set up the next one."""
+    return [event for event in events if not event["type"].startswith("set")]
+
+
 def movements(truth: GroundTruth) -> list[Span]:
     """Every stretch in which a box is on its way: without hands, a second grasp cannot be told from a second action."""
     return true_spans(truth, "move")
@@ -121,9 +133,8 @@ def noisy_poses(truth: GroundTruth, rng: np.random.Generator) -> pa.Table:
     columns["source"] = pa.array(words, pa.string(), mask=~keep)
     columns["sigma_m"] = pa.array(np.full(n * boxes, 0.002), mask=~keep)
     columns["sigma_rad"] = pa.array(np.full(n * boxes, 0.012), mask=~keep)
-    columns["residual_px"] = pa.nulls(n * boxes, pa.float64())
-    columns["n_faces"] = pa.nulls(n * boxes, pa.int16())
-    return pa.table({name: columns[name] for name in POSES.arrow.names}).cast(POSES.arrow)
+    rest = {field.name: pa.nulls(n * boxes, field.type) for field in POSES.arrow if field.name not in columns}
+    return pa.table({name: (columns | rest)[name] for name in POSES.arrow.names}).cast(POSES.arrow)
 
 
 def _rows(draft: Draft, name: str) -> pa.Table:
@@ -137,11 +148,11 @@ def from_truth(draft: Draft, truth: GroundTruth, *, hands: bool = True) -> list[
     columns: dict[str, Any] = {"frame": pa.array(range(truth.n_frames), pa.int32()), "t_ns": truth.t_ns}
     clock = pa.table(columns)
     poses = noisy_poses(truth, np.random.default_rng(truth.seed))
-    plane = ground_truth_tables(truth)["table_plane"]
+    plane = ground_truth_tables(truth)["table_plane"].to_pydict() | {"frame": [0]}
     events = propose_events(
         clock,
         poses,
-        plane,
+        pa.table(plane),
         joints=_rows(draft, "joints") if hands else None,
         markers_2d=_rows(draft, "markers_2d"),
         parameters=ProposeParameters(prototypes=truth.prototypes, camera=truth.scene.color),
@@ -172,6 +183,10 @@ def from_session(session: Session) -> list[dict[str, Any]]:
     return events.to_pylist()
 
 
+def _line(*cells: object) -> str:
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
 def generated(n_sessions: int, folder: Path) -> None:
     """Figures on generated sessions."""
     ways = ("true poses, noise", "the same, no hands", "markers to proposals")
@@ -197,8 +212,7 @@ def generated(n_sessions: int, folder: Path) -> None:
             true = movements(truth) if name == ways[1] else true_spans(truth)
             found[name].append(counted(spans(events), true))
         events = made[ways[2]]
-        wanted = [t for t, move in zip(true_spans(truth), truth.moves, strict=True) if move.kind != "set"]
-        annotated.append(counted(spans(events), wanted))
+        annotated.append(counted(spans(not_set(events)), wanted(truth)))
         for part in ("grasp", "hold", "move", "release"):
             mine, true = spans(events, part), true_spans(truth, part)
             for i, j in matches(mine, true):
@@ -206,13 +220,22 @@ def generated(n_sessions: int, folder: Path) -> None:
             found.setdefault(f"  part: {part}", []).append(counted(mine, true))
     print("| generated sessions | matched | proposed | true | F1 (target 0.95) |\n|---|---|---|---|---|")
     for name, counts in found.items():
-        print("| " + " | ".join(map(str, (name, *total(counts), f"{f1(total(counts)):.3f}"))) + " |")
+        print(_line(name, *total(counts), f"{f1(total(counts)):.3f}"))
     counts = total(annotated)
-    print(
-        f"| markers, against the annotated ones only | {counts[0]} | {counts[1]} | {counts[2]} | {f1(counts):.3f} |"
-    )
+    print(_line("markers, not `set`, against the annotated ones only", *counts, f"{f1(counts):.3f}"))
     for part, frames in off.items():
         print(f"{part}: median {np.median(frames):.0f}, 90 % {np.quantile(frames, 0.9):.0f} frames off")
+
+
+def series() -> None:
+    """Figures on generated sessions of one kind, each ten times."""
+    print("\n| generated series of | of | matched | proposed | annotated | F1 |\n|---|---|---|---|---|---|")
+    for number, kind in enumerate(ACTIONS):
+        draft, truth = sample_session(seed=FIRST_SEED + 100 + number, actions=(kind,) * 10)
+        events = from_truth(draft, truth)
+        for which, kept in (("all", events), ("not `set`", not_set(events))):
+            counts = counted(spans(kept), wanted(truth))
+            print(_line(kind, which, *counts, f"{f1(counts):.3f}"))
 
 
 def real(shared: Path, folder: Path) -> None:
@@ -221,7 +244,7 @@ def real(shared: Path, folder: Path) -> None:
     print(
         "\n| real session | of | matched | proposed | human | F1 (target 0.85) |\n|---|---|---|---|---|---|"
     )
-    rows: dict[str, list[Counts]] = {"all": [], "its kind": []}
+    rows: dict[str, list[Counts]] = {"all": [], "not `set`": [], "its kind": []}
     paths = find_sessions(folder / "real")
     boxes = calibrate(paths)
     for path in paths:
@@ -235,19 +258,16 @@ def real(shared: Path, folder: Path) -> None:
                 e["end_frame"],
             )
             for e in session.events.to_arrow().to_pylist()
+            if e["layer"] != LAYER
         ]
         events = [e for e in from_session(session) if e["parent"] is None]
         kind = path.parent.name.removeprefix("Slide").lower()
-        for which, kept in (("all", events), ("its kind", [e for e in events if e["type"].endswith(kind)])):
-            rows[which].append(counted(spans(kept), human))
-            cells = (path.parent.name, which, *rows[which][-1], f"{f1(rows[which][-1]):.3f}")
-            print("| " + " | ".join(map(str, cells)) + " |")
+        chosen = (events, not_set(events), [e for e in events if e["type"].endswith(kind)])
+        for (which, counts), kept in zip(rows.items(), chosen, strict=True):
+            counts.append(counted(spans(kept), human))
+            print(_line(path.parent.name, which, *counts[-1], f"{f1(counts[-1]):.3f}"))
     for which, counts in rows.items():
-        print(
-            "| "
-            + " | ".join(map(str, ("together", which, *total(counts), f"{f1(total(counts)):.3f}")))
-            + " |"
-        )
+        print(_line("together", which, *total(counts), f"{f1(total(counts)):.3f}"))
 
 
 def main() -> None:
@@ -260,6 +280,7 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         generated(arguments.sessions, Path(name))
+        series()
         if (arguments.shared / "data" / "ecat_kinect").is_dir():
             real(arguments.shared, Path(name))
         else:

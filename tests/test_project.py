@@ -91,6 +91,14 @@ def imported_packages(path: Path) -> Iterator[str]:
             yield node.module.partition(".")[0]
 
 
+def test_the_source_distribution_has_every_folder_of_the_checkout() -> None:
+    packed = project()["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    there = {
+        path.relative_to(ROOT).parts[0] for path in [*SOURCES, *OTHERS, *DOCUMENTS] if path.parent != ROOT
+    }
+    assert there | {"schemas", "sample_sessions"} <= {name.strip("/") for name in packed}
+
+
 def test_every_entry_point_leads_somewhere() -> None:
     table = project()["project"]
     for target in table["scripts"].values():

@@ -124,7 +124,9 @@ def _side(text: str, face: str) -> float:
         side = 0.0
     if side <= 0:
         raise UsageError(
-            "cannot make the box", where=f"--face {face}: expected a length in metres after the colon"
+            "cannot make the box",
+            where=f"--face {face}: expected a length in metres after the colon",
+            fix=f"write the side of the marker's black square: --face {face}=NUMBER:0.045",
         )
     return side
 

@@ -19,6 +19,7 @@ from ecat.geometry.transforms import Floats, Rigid, known, matrix_about_z, matri
 
 RESTING: tuple[int, ...] = (0, 1, 5)  # of x, y, z, and turns about the table's x, y, z
 FREE: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+UPRIGHT: tuple[int, ...] = (2, 3, 4)
 Rows: TypeAlias = NDArray[np.integer] | NDArray[np.bool_] | slice
 
 
@@ -26,17 +27,29 @@ Rows: TypeAlias = NDArray[np.integer] | NDArray[np.bool_] | slice
 class Noise:
     """What an error of a corner looks like: standard deviations per coordinate, and where the loss gives up.
 
-    A detector that takes the outermost pixel of a blob for a corner (ECAT 2018 file format §2.1) knows the
-    place of a blunt or a pointed corner badly *across* its bisector: there the spread is
-    ``sigma_px * (1 + skid * ((angle - 85 deg) / 40 deg)**2)``, along the bisector it is ``sigma_px``.
+    A detector that takes the outermost pixel of a blob for a corner (ECAT 2018 file format §2.1) knows it well along
+    the corner's bisector, ``sigma_px``, and ``across`` times worse across it: where blocks stood still, corners
+    of 40 to 130 degrees spread by 0.14-0.24 px and 0.23-0.45 px.
+    A detector that fits lines to the edges knows all directions alike: see :data:`SUBPIXEL`.
     ``sigma_point_m`` is how well depth repeats itself; its steady error is larger.  The loss is Cauchy's: a corner
-    ``cauchy`` standard deviations off counts half.
+    ``cauchy`` standard deviations off counts half.  ``gain``: by how many variances a pose with three more degrees of
+    freedom has to explain the corners better to be believed; by chance it does by about three, but errors may have
+    long tails.  ``held``: a box that rests is held to the table exactly, since its corners tell its height worse than
+    the table does.
     """
 
     sigma_px: float = 0.4
     sigma_point_m: float = 0.003
-    skid: float = 1.2
+    across: float = 1.8
     cauchy: float = 3.0
+    gain: float = 60.0
+    held: bool = True
+
+
+OUTERMOST = Noise()
+"""Corners that are the outermost pixels of a blob (ECAT 2018 file format §2.1)."""
+SUBPIXEL = Noise(sigma_px=0.12, across=1.0, gain=25.0, held=False)
+"""Corners where lines fitted to the edges meet, as the stage ``track`` measures them."""
 
 
 @dataclass(frozen=True)
@@ -44,25 +57,32 @@ class Sightings:
     """Corners of one box in n frames, in the marker's own order, NaN where not seen.
 
     ``pixels`` (n, faces, 4, 2); ``points`` (n, faces, 4, 3) in the camera's reference frame, metres;
-    ``sharpness`` (n, faces, 4, 2, 2) turns a pixel error into one of equal spread in all directions.
+    ``sharpness`` (n, faces, 4, 2, 2) turns a pixel error into one of equal spread in all directions; ``planes``
+    (n, faces, 5) are unit normal, offset and sigma in metres of the planes that depth shows, in the reference frame.
     """
 
     pixels: Floats
     points: Floats
     sharpness: Floats
+    planes: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.pixels)
 
     def __getitem__(self, rows: Rows) -> Sightings:
-        return Sightings(self.pixels[rows], self.points[rows], self.sharpness[rows])
+        planes = None if self.planes is None else self.planes[rows]
+        return Sightings(self.pixels[rows], self.points[rows], self.sharpness[rows], planes)
 
     def only_face(self, face: int) -> Sightings:
         """The same with every other face hidden."""
         hide = np.arange(self.pixels.shape[1]) != face
-        pixels, points = self.pixels.copy(), self.points.copy()
-        pixels[:, hide], points[:, hide] = np.nan, np.nan
-        return Sightings(pixels, points, self.sharpness)
+        shown = [None if a is None else a.copy() for a in (self.pixels, self.points, self.planes)]
+        for array in shown:
+            if array is not None:
+                array[:, hide] = np.nan
+        assert shown[0] is not None
+        assert shown[1] is not None
+        return Sightings(shown[0], shown[1], self.sharpness, shown[2])
 
 
 @dataclass(frozen=True)
@@ -76,30 +96,34 @@ class Scene:
     corners: Floats
     rest_height_m: float
 
+    def off_rest(self, pose: Rigid) -> Floats:
+        """Height over where it rests and turns about the table's x and y (n, 3) by which it is not upright."""
+        up = pose.rotation[..., 2]
+        return np.stack([pose.translation[..., 2] - self.rest_height_m, -up[..., 1], up[..., 0]], -1)
+
 
 @dataclass(frozen=True)
 class Fit:
     """Poses table-from-box of n frames with their quality.
 
-    ``cost`` (n,) robust, in units of variance; ``covariance`` (n, 6, 6) of x, y, z and the turns about the
-    table's axes, zero for degrees of freedom that were held; ``weights`` (n, faces, 4) between 0 (unseen, or
-    far off) and 1; ``errors_px`` (n, faces, 4) of the 2-D corners, NaN where not seen.
+    ``cost`` (n,) robust, in units of variance; ``weights`` (n, faces, 4) between 0 (unseen, or far off) and 1;
+    ``errors_px`` (n, faces, 4) of the 2-D corners, NaN where not seen.
     """
 
     pose: Rigid
     cost: Floats
-    covariance: Floats
     weights: Floats
     errors_px: Floats
 
     def __getitem__(self, rows: Rows) -> Fit:
         pose = Rigid(self.pose.rotation[rows], self.pose.translation[rows])
-        return Fit(pose, self.cost[rows], self.covariance[rows], self.weights[rows], self.errors_px[rows])
+        return Fit(pose, self.cost[rows], self.weights[rows], self.errors_px[rows])
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Whitened residuals with derivatives at a pose; a 2-D corner has two rows, a 3-D corner three.
+    """Whitened residuals with derivatives at a pose; a 2-D corner has two rows, a 3-D corner three, a corner that
+    should lie in a plane one.
 
     ``gap`` (n, k, 4, d): measured minus predicted; ``by_point`` (n, k, 4, d, 3): derivative of the
     prediction by the corner's place in the table frame; ``weights`` (n, k, 4); ``cost`` (n,).
@@ -114,7 +138,7 @@ class Linear:
         return Linear(self.gap[rows], self.by_point[rows], self.weights[rows], self.cost[rows])
 
 
-Pair: TypeAlias = tuple[Linear, Linear]
+Parts: TypeAlias = tuple[Linear, ...]
 
 
 def corner_sharpness(pixels: Floats, noise: Noise) -> Floats:
@@ -122,11 +146,9 @@ def corner_sharpness(pixels: Floats, noise: Noise) -> Floats:
     to_next, to_last = np.roll(pixels, -1, -2) - pixels, np.roll(pixels, 1, -2) - pixels
     to_next = to_next / np.linalg.norm(to_next, axis=-1, keepdims=True)
     to_last = to_last / np.linalg.norm(to_last, axis=-1, keepdims=True)
-    angle = np.arccos(np.clip((to_next * to_last).sum(-1), -1, 1))
     across = to_next - to_last
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    excess = noise.skid * ((angle - np.radians(85)) / np.radians(40)) ** 2
-    return np.eye(2) - (excess / (1 + excess))[..., None, None] * across[..., :, None] * across[..., None, :]
+    return np.eye(2) - (1 - 1 / noise.across) * across[..., :, None] * across[..., None, :]
 
 
 def place(pose: Rigid, corners: Floats) -> Floats:
@@ -134,15 +156,22 @@ def place(pose: Rigid, corners: Floats) -> Floats:
     return np.einsum("nij,fkj->nfki", pose.rotation, corners) + pose.translation[:, None, None]
 
 
-def linearise(seen: Sightings, scene: Scene, placed: Floats, noise: Noise) -> Pair:
-    """Residuals of the 2-D and of the 3-D corners at corners placed in the table frame (n, faces, 4, 3)."""
+def linearise(seen: Sightings, scene: Scene, placed: Floats, noise: Noise) -> Parts:
+    """Residuals of the 2-D and the 3-D corners, and of the planes that depth shows, at corners placed in the table
+    frame (n, faces, 4, 3).
+    """
     camera_points = scene.table.apply(placed)
     expected, by_point = scene.camera.project_jacobian(camera_points)
     gap = np.einsum("...ij,...j->...i", seen.sharpness, seen.pixels - expected)
     flat = _weigh(gap, seen.sharpness @ (by_point @ scene.table.rotation), noise.sigma_px, noise.cauchy)
     turn = np.broadcast_to(scene.table.rotation, (*placed.shape[:-1], 3, 3))
     solid = _weigh(seen.points - camera_points, turn, noise.sigma_point_m, noise.cauchy)
-    return flat, solid
+    if seen.planes is None:
+        return flat, solid
+    normal, offset, sigma = np.split(seen.planes[:, :, None], (3, 4), -1)
+    away = -((camera_points * normal).sum(-1, keepdims=True) + offset) / sigma
+    slope = np.broadcast_to((normal @ scene.table.rotation / sigma)[..., None, :], (*placed.shape[:-1], 1, 3))
+    return flat, solid, _weigh(away, slope, 1.0, noise.cauchy)
 
 
 def _weigh(gap: Floats, by_point: Floats, sigma: float, cauchy: float) -> Linear:
@@ -161,7 +190,7 @@ def motion(placed: Floats, pose: Rigid, freedom: Sequence[int]) -> Floats:
     return out[..., list(freedom)]
 
 
-def normal_equations(parts: Pair, moves: Floats) -> tuple[Floats, Floats]:
+def normal_equations(parts: Parts, moves: Floats) -> tuple[Floats, Floats]:
     """Hessians (n, m, m) and gradients (n, m) of the weighted least squares."""
     n, m = len(moves), moves.shape[-1]
     hessian, gradient = np.zeros((n, m, m)), np.zeros((n, m))
@@ -175,26 +204,44 @@ def normal_equations(parts: Pair, moves: Floats) -> tuple[Floats, Floats]:
 
 
 def refine(
-    seen: Sightings, scene: Scene, start: Rigid, noise: Noise, *, freedom: Sequence[int], steps: int = 12
+    seen: Sightings,
+    scene: Scene,
+    start: Rigid,
+    noise: Noise,
+    *,
+    freedom: Sequence[int],
+    steps: int = 12,
+    rest: Floats | None = None,
 ) -> Fit:
     """Move poses table-from-box (n) downhill to the nearest minimum of the robust cost.
 
-    Levenberg-Marquardt, each frame with its own damping, until it no longer moves.
+    Levenberg-Marquardt, each frame with its own damping, until it no longer moves.  ``rest`` (3,), with all six degrees
+    of freedom: standard deviations of :meth:`Scene.off_rest`.
     """
     held = list(freedom)
+    pull = None if rest is None else 1 / rest**2
     pose = Rigid(start.rotation.copy(), start.translation.copy())
     rows, here, now = np.arange(len(seen)), seen, pose
     damping = np.full(len(seen), 1e-3)
     placed = place(now, scene.corners)
     parts = linearise(here, scene, placed, noise)
     for _ in range(steps):
-        step = _damped_step(parts, motion(placed, now, held), damping, held)
+        hessian, gradient = normal_equations(parts, motion(placed, now, held))
+        if pull is not None:
+            hessian[:, UPRIGHT, UPRIGHT] += pull
+            gradient[:, UPRIGHT] -= pull * scene.off_rest(now)
+        step = _damped_step(hessian, gradient, damping, held)
         trial = Rigid(matrix_from_rotvec(step[:, 3:]) @ now.rotation, now.translation + step[:, :3])
         trial_placed = place(trial, scene.corners)
         trial_parts = linearise(here, scene, trial_placed, noise)
-        better = trial_parts[0].cost + trial_parts[1].cost <= parts[0].cost + parts[1].cost
+        before, after = _cost(parts), _cost(trial_parts)
+        if pull is not None:
+            before, after = (
+                cost + scene.off_rest(pose) ** 2 @ pull for cost, pose in ((before, now), (after, trial))
+            )
+        better = after <= before
         now, placed = _pick_pose(better, trial, now), _pick(better, trial_placed, placed)
-        parts = _pick_linear(better, trial_parts[0], parts[0]), _pick_linear(better, trial_parts[1], parts[1])
+        parts = tuple(_pick_linear(better, a, b) for a, b in zip(trial_parts, parts, strict=True))
         damping = np.clip(np.where(better, damping * 0.1, damping * 10), 1e-9, 1e6)
         pose.rotation[rows], pose.translation[rows] = now.rotation, now.translation
         moving = np.flatnonzero(~better | (np.abs(step).max(1) > 1e-6))
@@ -202,24 +249,24 @@ def refine(
             break
         rows, here, damping, placed = rows[moving], here[moving], damping[moving], placed[moving]
         now = Rigid(now.rotation[moving], now.translation[moving])
-        parts = parts[0][moving], parts[1][moving]
-    return _fit(seen, scene, pose, noise, held)
+        parts = tuple(part[moving] for part in parts)
+    return _fit(seen, scene, pose, noise)
 
 
-def _fit(seen: Sightings, scene: Scene, pose: Rigid, noise: Noise, held: list[int]) -> Fit:
+def _cost(parts: Parts) -> Floats:
+    return np.asarray(sum(part.cost for part in parts), np.float64)
+
+
+def _fit(seen: Sightings, scene: Scene, pose: Rigid, noise: Noise) -> Fit:
     placed = place(pose, scene.corners)
     parts = linearise(seen, scene, placed, noise)
-    hessian, _ = normal_equations(parts, motion(placed, pose, held))
-    covariance = np.zeros((len(seen), 6, 6))
-    covariance[np.ix_(range(len(seen)), held, held)] = np.linalg.pinv(hessian, hermitian=True)
     errors = np.linalg.norm(seen.pixels - scene.camera.project(scene.table.apply(placed)), axis=-1)
     weights = np.where(known(seen.pixels), parts[0].weights, parts[1].weights)
-    return Fit(pose, parts[0].cost + parts[1].cost, covariance, weights, errors)
+    return Fit(pose, _cost(parts), weights, errors)
 
 
-def _damped_step(parts: Pair, moves: Floats, damping: Floats, held: list[int]) -> Floats:
+def _damped_step(hessian: Floats, gradient: Floats, damping: Floats, held: list[int]) -> Floats:
     """Steps (n, 6), zero where held, small enough for the derivatives to mean something."""
-    hessian, gradient = normal_equations(parts, moves)
     scale = damping * (np.einsum("nii->ni", hessian).mean(1) + 1e-9)
     step = np.zeros((len(gradient), 6))
     step[:, held] = np.linalg.solve(hessian + scale[:, None, None] * np.eye(len(held)), gradient[..., None])[

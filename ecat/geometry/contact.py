@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecat.geometry.transforms import Floats, Rigid
+from ecat.geometry.transforms import Floats, Rigid, matrix_about_z
 
 
 def overlap(first: Rigid, second: Rigid, first_size: Floats, second_size: Floats) -> tuple[Floats, Floats]:
@@ -42,20 +42,50 @@ def parted(
     first: Rigid,
     second: Rigid,
     sizes: tuple[Floats, Floats],
-    sigmas_m: tuple[Floats, Floats],
+    covariances: tuple[Floats, Floats],
     tolerance_m: float,
 ) -> tuple[Rigid, Rigid]:
-    """The poses moved apart until none overlap by more than the tolerance, each by its share of the variance.
+    """The poses moved apart until none overlap by more than the tolerance, the way that is least unlikely.
 
-    That is the most likely place of both, given where each was seen and that solids do not overlap further than
-    both may be misplaced.  ``sigmas_m`` (n,) standard deviations of the positions.
+    Both boxes slide and turn on the table by what their uncertainties make cheapest (constrained least squares,
+    linearised anew at each step), so that a box seen from one side gives way where that side says least, and one
+    seen from three stays.
+
+    Parameters
+    ----------
+    covariances : (n, 3, 3) of x, y and the turn about the table's z, metres and radians.
     """
-    depth, axis = overlap(first, second, *sizes)
-    variances = [sigma**2 for sigma in sigmas_m]
-    share = variances[0] / (variances[0] + variances[1])
-    out = np.zeros((len(depth), 3))
-    out[:, :2] = axis * np.maximum(depth - tolerance_m, 0.0)[:, None]
-    return (
-        Rigid(first.rotation, first.translation - share[:, None] * out),
-        Rigid(second.rotation, second.translation + (1 - share)[:, None] * out),
-    )
+    poses = [first, second]
+    for turns in (1.0, 1.0, 1.0, 0.0):
+        spreads = [c * np.outer([1, 1, turns], [1, 1, turns]) for c in covariances]
+        depth, axis = overlap(poses[0], poses[1], *sizes)
+        excess = np.maximum(depth - tolerance_m, 0.0)
+        slopes = _slopes(poses, sizes, axis)
+        pulls = [np.einsum("nij,nj->ni", c, s) for c, s in zip(spreads, slopes, strict=True)]
+        variance = sum((p * s).sum(1) for p, s in zip(pulls, slopes, strict=True))
+        if turns:
+            # a turn is trusted as far as errors go; what is left is more than an error, and is slid away
+            excess = np.minimum(excess, 3 * np.sqrt(variance))
+        share = -excess / np.maximum(variance, 1e-18)
+        poses = [_moved(pose, share[:, None] * p) for pose, p in zip(poses, pulls, strict=True)]
+    return poses[0], poses[1]
+
+
+def _slopes(poses: list[Rigid], sizes: tuple[Floats, Floats], axis: Floats) -> list[Floats]:
+    """Derivatives (n, 3) of the depth of overlap along ``axis`` by x, y and turn of each of two boxes."""
+    found: list[Floats] = []
+    small = np.array([0.0, 0.0, 1e-6])
+    for k, sign in enumerate((1, -1)):
+        depths: list[Floats] = []
+        for step in (small, -small):
+            turned = list(poses)
+            turned[k] = _moved(poses[k], np.broadcast_to(step, (len(axis), 3)))
+            depths.append(overlap(turned[0], turned[1], *sizes)[0])
+        found.append(np.column_stack([sign * axis, (depths[0] - depths[1]) / (2 * small[2])]))
+    return found
+
+
+def _moved(pose: Rigid, step: Floats) -> Rigid:
+    """The pose after a step (n, 3) of x, y and turn about the table's z."""
+    shift = np.concatenate([step[:, :2], np.zeros((len(step), 1))], 1)
+    return Rigid(matrix_about_z(step[:, 2]) @ pose.rotation, pose.translation + shift)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecat.geometry.boxes import SQUARE, corner_order, square_poses
 from ecat.geometry.cameras import Camera
 from ecat.geometry.changes import Region
-from ecat.geometry.corners import Outlines, outline
+from ecat.geometry.corners import Outlines, Several, outline
 from ecat.geometry.markers import Codebook, Reading, code_of, codebooks, read_codes
 from ecat.geometry.quads import find_quads
 from ecat.geometry.transforms import Floats, Rigid
@@ -20,6 +20,8 @@ from ecat.model.prototype import BoxPrototype
 
 # a ring measured from this near is as good as one measured twice
 _NEAR_PX = 1.0
+# the same for a face that was there before, so that it lies where it would if nothing were known of it
+_AGAIN_PX = 0.5
 _LEAST_SINE = 0.1
 
 
@@ -70,6 +72,16 @@ class Found:
         return Found(
             self.box[rows], self.face[rows], self.rings[rows], self.sigma_px[rows], self.likeness[rows]
         )
+
+    def moved(self, rings: Floats) -> Found:
+        """The same faces elsewhere."""
+        return Found(self.box, self.face, rings, self.sigma_px, self.likeness)
+
+    def replaced(self, rows: NDArray[np.intp], others: Found) -> Found:
+        """The same with others in these rows."""
+        rings, sigma_px, likeness = self.rings.copy(), self.sigma_px.copy(), self.likeness.copy()
+        rings[rows], sigma_px[rows], likeness[rows] = others.rings, others.sigma_px, others.likeness
+        return Found(self.box, self.face, rings, sigma_px, likeness)
 
     @classmethod
     def none(cls) -> Found:
@@ -122,9 +134,10 @@ class Detector:
         self.evidence = evidence or Evidence()
         self.mirrored = (camera is not None and camera.mirrored) if mirrored is None else mirrored
         self._books = codebooks(self.prototypes, mirrored=self.mirrored)
-        self._upright = {
-            (g.box, g.face): (book, i)
-            for book in self._books
+        # of each face, its codebook and its upright glyph
+        self._places = {
+            (g.box, g.face): (b, i)
+            for b, book in enumerate(self._books)
             for i, g in enumerate(book.glyphs)
             if not g.turn
         }
@@ -165,6 +178,30 @@ class Detector:
                 found.append(self._faces(again[clear], reading.glyph[clear], reading.likeness[clear], book))
         return Found.joined([part for part in found if len(part)] or found[:1]).best()
 
+    def again(
+        self, images: Sequence[NDArray[np.uint8]], faces: Found, which: NDArray[np.intp], *, reach_px: float
+    ) -> tuple[Found, NDArray[np.bool_]]:
+        """The faces (n,) measured again in some images, ``which`` (n,) by index and ascending; and which are there.
+
+        What one shows is compared with nothing but what it showed before.
+        """
+        grey = Several(images, which)
+        seen = outline(grey, faces.rings, reach_px=reach_px)
+        there = self._sound(seen)
+        far = np.flatnonzero(there & (np.abs(seen.rings - faces.rings).max((1, 2)) > _AGAIN_PX))
+        if far.size:
+            seen = seen.replaced(far, outline(grey[far], seen.rings[far], reach_px=2))
+            there = self._sound(seen)
+        likeness = np.zeros(len(faces))
+        place = np.array([self._places[key] for key in face_keys(faces)], np.intp).reshape(-1, 2)
+        for b, book in enumerate(self._books):
+            rows = np.flatnonzero(there & (place[:, 0] == b))
+            if rows.size:
+                reading = read_codes(grey[rows], seen[rows], book, place[rows, 1])
+                there[rows] = self._clear(seen[rows], reading, book) & reading.certain
+                likeness[rows] = reading.likeness
+        return Found(faces.box, faces.face, seen.rings, seen.sigma_px, likeness), there
+
     def convincing(self, found: Found) -> NDArray[np.bool_]:
         """Which faces are clear enough to be believed without a history, and, by the camera, seen as squares are."""
         clear = found.likeness >= self.evidence.first_likeness
@@ -182,12 +219,12 @@ class Detector:
 
     def code(self, box: int, face: int, first: int) -> str:
         """What a face shows, row by row from the corner ``first`` of its ring."""
-        book, i = self._upright[box, face]
-        return code_of(np.rot90(book.glyphs[i].cells, first))
+        book, i = self._places[box, face]
+        return code_of(np.rot90(self._books[book].glyphs[i].cells, first))
 
     def cells(self, box: int, face: int) -> int:
         """Cells along a side of a face's code."""
-        return self._upright[box, face][0].n
+        return self._books[self._places[box, face][0]].n
 
     def poses(self, found: Found) -> tuple[Rigid, Rigid]:
         """Both poses reference-from-marker of every face, from its corners alone; needs the camera."""
@@ -223,6 +260,12 @@ class Detector:
 def face_keys(found: Found) -> list[tuple[int, int]]:
     """Box and face of each."""
     return list(zip(found.box.tolist(), found.face.tolist(), strict=True))
+
+
+def places(found: Found, others: Found) -> NDArray[np.intp]:
+    """Where each face is among the others (n,), -1 if it is not."""
+    at = {key: i for i, key in enumerate(face_keys(others))}
+    return np.array([at.get(key, -1) for key in face_keys(found)], np.intp)
 
 
 def sides_px(rings: Floats) -> Floats:

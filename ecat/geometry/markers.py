@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecat.errors import InputError, UsageError
-from ecat.geometry.corners import Outlines, sample
+from ecat.geometry.corners import Outlines, Several, sample
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import BoxPrototype
 
@@ -160,14 +160,25 @@ class Reading:
     certain: NDArray[np.bool_]
 
 
-def read_codes(grey: NDArray[np.uint8], seen: Outlines, book: Codebook) -> Reading:
-    """Compare what is inside of outlines (n), clockwise on the screen, with every glyph of the codebook."""
+def read_codes(
+    grey: NDArray[np.uint8] | Several,
+    seen: Outlines,
+    book: Codebook,
+    glyph: NDArray[np.intp] | None = None,
+) -> Reading:
+    """Compare what is inside of outlines (n), clockwise on the screen, with every glyph of the codebook.
+
+    Where it is known what they should show, ``glyph`` (n,), they are compared with that alone.
+    """
     k = book.n + 2
     matrix = homographies(seen.rings)
     kernel = _kernels(matrix, seen.blur_px, k)
     values = _cell_values(grey, matrix, k)
     values = values - (values @ _ground(k)) @ _ground(k).T
-    expected = (kernel @ book.shaded.reshape(len(_SHIFTS), -1)).reshape(len(kernel), len(book.glyphs), k * k)
+    if glyph is None:
+        expected = (kernel @ book.shaded.reshape(len(_SHIFTS), -1)).reshape(len(kernel), -1, k * k)
+    else:
+        expected = kernel[:, None] @ np.moveaxis(book.shaded[:, glyph], 0, 1)
     power = np.maximum(np.einsum("nmc,nmc->nm", expected, expected), 1e-9)
     product = (expected @ values[..., None])[..., 0]
     squares = np.maximum(np.einsum("nc,nc->n", values, values), 1e-9)
@@ -175,8 +186,9 @@ def read_codes(grey: NDArray[np.uint8], seen: Outlines, book: Codebook) -> Readi
     best, rows = np.argmax(likeness, 1), np.arange(len(likeness))
     contrast = product[rows, best] / power[rows, best]
     left = values - contrast[:, None] * expected[rows, best]
-    certain = _no_better_cell(left.reshape(-1, k, k), kernel, book.plain[best], contrast)
-    return Reading(best, likeness[rows, best], contrast, certain & (contrast > 0))
+    shown = best if glyph is None else glyph
+    certain = _no_better_cell(left.reshape(-1, k, k), kernel, book.plain[shown], contrast)
+    return Reading(shown, likeness[rows, best], contrast, certain & (contrast > 0))
 
 
 def homographies(rings: Floats) -> Floats:
@@ -197,21 +209,21 @@ def homographies(rings: Floats) -> Floats:
     return np.concatenate([top, np.stack([g, h, np.ones_like(g)], -1)[:, None]], 1)
 
 
-def _cell_values(grey: NDArray[np.uint8], matrix: Floats, k: int) -> Floats:
+def _cell_values(grey: NDArray[np.uint8] | Several, matrix: Floats, k: int) -> Floats:
     """Mean grey value of every cell (n, k * k), row by row from each ring's first corner."""
-    points = _cell_points(k) @ np.swapaxes(matrix, 1, 2)
-    pixels = points[..., :2] / np.maximum(points[..., 2:], 1e-6)
-    values = sample(grey, pixels.astype(np.float32)).reshape(len(matrix), k * k, 4)
+    points = matrix @ _cell_points(k)
+    pixels = (points[:, :2] / np.maximum(points[:, 2:], 1e-6)).astype(np.float32)
+    values = sample(grey, pixels[:, 0].copy(), pixels[:, 1].copy()).reshape(len(matrix), k * k, 4)
     return values.sum(-1, dtype=np.float64) / 4
 
 
 @cache
 def _cell_points(k: int) -> Floats:
-    """The four places (k * k * 4, 3), homogeneous, at which every cell of the unit square is sampled."""
+    """The four places (3, k * k * 4), homogeneous, at which every cell of the unit square is sampled."""
     row, column = np.divmod(np.arange(k * k), k)
     centre = np.stack([column, row], -1) + 0.5
     flat = ((centre[:, None] + _WITHIN) / k).reshape(-1, 2)
-    return np.concatenate([flat, np.ones((len(flat), 1))], 1)
+    return np.concatenate([flat.T, np.ones((1, len(flat)))])
 
 
 def _kernels(matrix: Floats, blur_px: Floats, k: int) -> Floats:

@@ -19,6 +19,8 @@ Flags = NDArray[np.bool_]
 _ENOUGH = 4
 _OUTLIER_M = 0.02
 _CLOSE_S = 0.15
+_HEADING_M = 0.01
+"""A box that was seen to move by less, which noise does too, was heading nowhere."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class Segmentation:
     ``arm_m``, ``bow_m`` : the direction of a path is taken over so much of it, straight or as a parabola.
     ``pause_s``, ``pause_turn_rad`` : a shorter rest interrupts a movement only where its direction turns by more.
     ``cusp_rad``, ``back_m`` : a path that turns back more sharply, and comes back by so much, is two movements.
+    ``dark_s``, ``dark_rad`` : so are the parts before and after a time in which the box was not seen for so long, if
+        it comes out of it in a direction that differs by so much from the one in which it went in.
     ``slide_m`` : what is slid for at least so far before it is lifted, or after it was put down, is a movement of its
         own; ``lifted_rows`` observations off the table make it lifted.
     """
@@ -42,6 +46,8 @@ class Segmentation:
     bow_m: float = 0.12
     cusp_rad: float = math.radians(120)
     back_m: float = 0.25
+    dark_s: float = 1.5
+    dark_rad: float = math.radians(90)
     slide_m: float = 0.2
     lifted_rows: int = 3
 
@@ -50,12 +56,16 @@ class Segmentation:
 class Move:
     """A movement: at rest (or turning) at row ``first``, on the way in between, at rest again at row ``last``.
 
+    ``start_s`` and ``end_s`` are the times of these rows, but for a turn that was not seen: that is put in the middle
+    of the time without observations.
     ``path`` (n, k) are its places, those of the rests at its ends included; ``lifted`` is the share of the
     observations in between at which the box was off the table.  ``from_rest`` tells a rest from a turn at its start.
     """
 
     first: int
     last: int
+    start_s: float
+    end_s: float
     path: Floats
     lifted: float
     from_rest: bool
@@ -97,13 +107,24 @@ def _pieces(
     path[0], path[-1] = before.end, after.begin
     off = free[rows]
     off[[0, -1]] = False
-    cuts = sorted(
-        {0, len(rows) - 1} | set(_cusp(path[:, :2], rules)) | set(_touches(path[:, :2], off, rules))
-    )
-    for begin, end in pairwise(cuts):
+    times = t_s[rows]
+    cuts = {row: float(times[row]) for row in (0, *_touches(path[:, :2], off, rules), len(rows) - 1)}
+    dark = _dark_turns(times, path[:, :2], rules)
+    cuts |= {row: float(times[row : row + 2].mean()) for row in dark}
+    seen_turns = set(_cusp(path[:, :2], rules)) - {row + side for row in dark for side in (0, 1)}
+    cuts |= {row: _turned_s(times, row) for row in seen_turns}
+    for begin, end in pairwise(sorted(cuts)):
         inner = off[begin + 1 : end]
         lifted = float(inner.mean()) if inner.size else 0.0
-        yield Move(int(rows[begin]), int(rows[end]), path[begin : end + 1], lifted, from_rest=begin == 0)
+        yield Move(
+            int(rows[begin]),
+            int(rows[end]),
+            cuts[begin],
+            cuts[end],
+            path[begin : end + 1],
+            lifted,
+            from_rest=begin == 0,
+        )
 
 
 def _without_outliers(t_s: Floats, path: Floats) -> Floats:
@@ -133,6 +154,24 @@ def _cusp(path: Floats, rules: Segmentation) -> list[int]:
     return []
 
 
+def _turned_s(t_s: Floats, row: int) -> float:
+    """When a path turned that turns at a row: of a single observation in the dark, the middle of the dark."""
+    before, after = t_s[row - 1], t_s[row + 1]
+    alone = min(t_s[row] - before, after - t_s[row]) > _CLOSE_S
+    return float((before + after) / 2 if alone else t_s[row])
+
+
+def _dark_turns(t_s: Floats, path: Floats, rules: Segmentation) -> list[int]:
+    """The rows after which a path (n, 2) is in the dark for long and comes out elsewhere than it was heading for."""
+    found: list[int] = []
+    for row in np.flatnonzero(np.diff(t_s) >= rules.dark_s):
+        into, out = -_direction(path[: row + 1][::-1], rules.arm_m), _direction(path[row + 1 :], rules.arm_m)
+        sure = min(np.linalg.norm(into), np.linalg.norm(out)) > _HEADING_M
+        if sure and _angle(into, out) > rules.dark_rad:
+            found.append(int(row))
+    return found
+
+
 def _touches(path: Floats, off: Flags, rules: Segmentation) -> list[int]:
     """Where a box that is lifted in between leaves the table and touches it again, if it also slides."""
     lifted = np.flatnonzero(off)
@@ -155,7 +194,8 @@ def goes_on(first: Move, second: Move, rules: Segmentation, turn_rad: float) -> 
 
 def _goes_on(first: Move, second: Move, t_s: Floats, rules: Segmentation) -> bool:
     """Whether a brief rest between two pieces is no rest: the box goes on, or is only nudged before or after."""
-    if t_s[second.first] - t_s[first.last] > rules.pause_s:
+    unseen_turn = first.end_s != t_s[first.last]
+    if unseen_turn or second.start_s - first.end_s > rules.pause_s:
         return False
     nudge = second.from_rest and min(first.travel_m, second.travel_m) < rules.travel_m
     end, start = (
@@ -169,7 +209,9 @@ def _joined(first: Move, second: Move) -> Move:
     counts = [len(move.path) for move in (first, second)]
     lifted = float(np.average([first.lifted, second.lifted], weights=counts))
     path = np.concatenate([first.path, second.path])
-    return Move(first.first, second.last, path, lifted, from_rest=first.from_rest)
+    return Move(
+        first.first, second.last, first.start_s, second.end_s, path, lifted, from_rest=first.from_rest
+    )
 
 
 def _direction(path: Floats, arm_m: float) -> Floats:

@@ -5,9 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.stats import chi2
 
-from ecat.geometry.transforms import Floats
+from ecat.geometry.transforms import Floats, known
+
+MOST_CONDITION = 1e10
+"""Largest ratio of the terms that bend the track to those that hold it to the measurements: above, sixteen digits
+leave too few for the result, and from about 1e15 on the system cannot be solved at all."""
+_LEAST_SCATTER, _LEAST_SHARE = 10, 0.01
+_LEAST_VARIANCE = 1e-6
+_SLOW = 9.0
+"""Much of what scatters does so over several frames: its variance over that by which neighbours differ."""
+SIGMA_RANGE = 1e4
+"""Standard deviations are taken to be within this factor of their median, for the same reason."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +37,7 @@ class Smoothness:
 
 
 def smooth_track(
-    t_s: Floats, values: Floats, sigma: Floats, smoothness: Smoothness, *, rounds: int = 12
+    t_s: Floats, values: Floats, covariance: Floats, smoothness: Smoothness, *, rounds: int = 12
 ) -> tuple[Floats, Floats]:
     """Most probable track given all measurements, those before and those after: the fixed-interval smoother
     of an integrated random walk (what Rauch, Tung and Striebel's recursion computes), with Student t errors
@@ -33,31 +45,97 @@ def smooth_track(
 
     Parameters
     ----------
-    t_s : (n,) increasing times, seconds.
+    t_s : (n,) times that do not decrease, seconds; where they are closer together than an acceleration could
+        show, measurements are averaged first.
     values : (n, d) measurements; rows with NaN are not measured, and filled in.
-    sigma : (n,) standard deviations per coordinate; ignored where not measured.
+    covariance : (n, d, d) of the measurements' errors; ignored where not measured.
 
     Returns
     -------
-    The track (n, d) and its standard deviations per coordinate (n,), which grow where nothing is measured.
+    The track (n, d) and its covariance (n, d, d), which grows where nothing is measured.
     """
-    measured = np.isfinite(values).all(1) & np.isfinite(sigma)
+    measured = known(values) & known(covariance, 2)
+    if measured.sum() < 3:
+        blank = np.where(measured, 1.0, np.nan)
+        return values * blank[:, None], covariance * blank[:, None, None]
+    information, usual = _information(covariance, measured)
+    values = np.where(measured[:, None], values, 0.0)
+    # second differences over a step h bend with 16 / (acceleration^2 h^4), measurements hold with 1 / sigma^2
+    step_s = 2 * np.sqrt(usual / (smoothness.acceleration * np.sqrt(MOST_CONDITION)))
+    if np.diff(t_s).min() >= step_s:
+        return _solved(t_s, values, information, smoothness, rounds)
+    bins = np.floor((t_s - t_s[0]) / step_s)
+    knots, place = np.unique(bins, return_inverse=True)
+    merged, held = _merged(values, information, place, len(knots))
+    seen = np.einsum("nii->n", held) > 0
+    if seen.sum() < 3:
+        spread = np.full(held.shape, np.nan)
+        spread[seen] = np.linalg.inv(held[seen])
+        return np.where(seen[:, None], merged, np.nan)[place], spread[place]
+    knots_s = t_s[0] + (knots + 0.5) * step_s
+    track, spread = _solved(knots_s, merged, held, smoothness, rounds)
+    return track[place], spread[place]
+
+
+def random_share(values: Floats, covariance: Floats) -> float:
+    """Which share of the stated covariance (n, d, d) shows as scatter of measurements (n, d) from one time to the next.
+
+    The rest is steady: the same error in neighbouring frames, which no smoothing takes away.  Measured robustly, by how
+    far each measurement is from the middle of those before and after; 1 where that cannot be told, and at most.
+    """
+    if len(values) < _LEAST_SCATTER + 2:
+        return 1.0
+    middle = (values[:-2] + values[2:]) / 2
+    spread = covariance[1:-1] + (covariance[:-2] + covariance[2:]) / 4
+    whole = known(middle) & known(values[1:-1]) & known(spread, 2)
+    if whole.sum() < _LEAST_SCATTER:
+        return 1.0
+    gap, spread = (values[1:-1] - middle)[whole], spread[whole]
+    square = np.einsum("ni,ni->n", gap, np.linalg.solve(spread, gap[..., None])[..., 0])
+    scatter = np.median(square) / chi2.ppf(0.5, values.shape[1])
+    return float(np.clip(_SLOW * scatter, _LEAST_SHARE, 1.0))
+
+
+def _information(covariance: Floats, measured: NDArray[np.bool_]) -> tuple[Floats, float]:
+    """Inverse covariances (n, d, d), zero where nothing is measured, within the range; the usual sigma."""
+    variance, axes = np.linalg.eigh(
+        np.where(measured[:, None, None], covariance, np.eye(covariance.shape[-1]))
+    )
+    usual = float(np.sqrt(np.median(np.maximum(variance[measured], 0).mean(1))))
+    variance = np.clip(variance, (usual / SIGMA_RANGE) ** 2, (usual * SIGMA_RANGE) ** 2)
+    inverse = (axes / variance[:, None]) @ np.swapaxes(axes, 1, 2)
+    return np.where(measured[:, None, None], inverse, 0.0), usual
+
+
+def _merged(values: Floats, information: Floats, place: NDArray[np.int64], n: int) -> tuple[Floats, Floats]:
+    """Weighted means (n, d) of the rows at each of n places, and their information (n, d, d)."""
+    total, pull = np.zeros((n, *information.shape[1:])), np.zeros((n, values.shape[1]))
+    np.add.at(total, place, information)
+    np.add.at(pull, place, np.einsum("nij,nj->ni", information, values))
+    seen = np.einsum("nii->n", total) > 0
+    mean = np.zeros_like(pull)
+    mean[seen] = np.linalg.solve(total[seen], pull[seen][..., None])[..., 0]
+    return mean, total
+
+
+def _solved(
+    t_s: Floats, values: Floats, information: Floats, smoothness: Smoothness, rounds: int
+) -> tuple[Floats, Floats]:
+    """The smoother itself, for times that are far enough apart; what has no information is not measured."""
     n, d = values.shape
-    if n < 3 or measured.sum() < 3:
-        return np.where(measured[:, None], values, np.nan), np.where(measured, sigma, np.nan)
-    target = np.where(measured[:, None], values, 0.0)
-    precision = np.where(measured, 1 / np.where(measured, sigma, 1.0) ** 2, 0.0)
     bend = _second_differences(t_s)
-    trust, calm = np.ones(n), np.full(n - 2, 1.0)
-    track, factor = target, np.empty((3, n))
+    trust, calm = np.ones(n), np.ones(n - 2)
+    track, factor = values, np.empty((3 * d, n * d))
     for _ in range(rounds):
-        factor = cholesky_banded(_normal_matrix(bend, precision * trust, calm / smoothness.acceleration**2))
-        track = cho_solve_banded((factor, False), (precision * trust)[:, None] * target)
-        error = ((track - target) ** 2).sum(1) * precision
+        held = information * trust[:, None, None]
+        factor = cholesky_banded(_normal_matrix(bend, held, calm / smoothness.acceleration**2))
+        pull = np.einsum("nij,nj->ni", held, values)
+        track = np.asarray(cho_solve_banded((factor, False), pull.ravel()), np.float64).reshape(n, d)
+        error = np.einsum("ni,nij,nj->n", track - values, information, track - values)
         trust = (smoothness.outliers + d) / (smoothness.outliers + error)
         force = (_apply(bend, track) ** 2).sum(1) / smoothness.acceleration**2
         calm = (smoothness.tails + d) / (smoothness.tails + force)
-    return track, np.sqrt(_inverse_diagonal(factor))
+    return track, _inverse_blocks(factor, d)
 
 
 def _second_differences(t_s: Floats) -> Floats:
@@ -71,26 +149,43 @@ def _apply(bend: Floats, track: Floats) -> Floats:
     return sum((bend[:, k, None] * track[k : len(track) - 2 + k] for k in range(3)), np.zeros((len(bend), 1)))
 
 
-def _normal_matrix(bend: Floats, precision: Floats, weight: Floats) -> Floats:
-    """Upper banded form (3, n) of diag(precision) + bend^T diag(weight) bend."""
-    n = len(precision)
-    band = np.zeros((3, n))
-    band[2] = precision
+def _normal_matrix(bend: Floats, information: Floats, weight: Floats) -> Floats:
+    """Upper banded form (3 d, n d) of the information's blocks plus bend^T diag(weight) bend for each coordinate."""
+    n, d = information.shape[:2]
+    last = 3 * d - 1
+    band = np.zeros((3 * d, n * d))
+    for i in range(d):
+        for j in range(i, d):
+            band[last - (j - i), j::d] += information[:, i, j]
     for i in range(3):
         for j in range(i, 3):
-            band[2 - (j - i), j : n - 2 + j] += weight * bend[:, i] * bend[:, j]
+            both = np.repeat(weight * bend[:, i] * bend[:, j], d)
+            band[last - d * (j - i), d * j : d * (n - 2 + j)] += both
     return band
 
 
-def _inverse_diagonal(factor: Floats) -> Floats:
-    """Diagonal of the inverse of U^T U, given U in upper banded form (Takahashi's recurrence)."""
-    n = factor.shape[1]
-    pivot = factor[2]
-    first = np.append(factor[1, 1:] / pivot[:-1], 0.0)
-    second = np.append(factor[0, 2:] / pivot[:-2], [0.0, 0.0])
-    diagonal, beside, beyond = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
+def _inverse_blocks(factor: Floats, d: int) -> Floats:
+    """Diagonal blocks (n, d, d) of the inverse of U^T U, given U in upper banded form (Takahashi's recurrence)."""
+    last, n = 3 * d - 1, factor.shape[1] // d
+    pivot, first, second = (np.zeros((n, d, d)) for _ in range(3))
+    for block, ahead in ((pivot, 0), (first, 1), (second, 2)):
+        for i in range(d):
+            for j in range(d):
+                gap = d * ahead + j - i
+                if 0 <= gap <= last and ahead < n:
+                    block[: n - ahead, i, j] = factor[last - gap, d * ahead + j :: d][: n - ahead]
+    inverse = np.linalg.inv(pivot)
+    first, second = inverse @ first, inverse @ second
+    own = inverse @ np.swapaxes(inverse, 1, 2)
+    found = np.zeros((n + 2, d, d))
+    beside, beyond = np.zeros((n + 2, d, d)), np.zeros((n + 2, d, d))
     for i in range(n - 1, -1, -1):
-        beside[i] = -first[i] * diagonal[i + 1] - second[i] * beside[i + 1]
-        beyond[i] = -first[i] * beside[i + 1] - second[i] * diagonal[i + 2]
-        diagonal[i] = 1 / pivot[i] ** 2 - first[i] * beside[i] - second[i] * beyond[i]
-    return diagonal[:n]
+        beside[i] = -first[i] @ found[i + 1] - second[i] @ beside[i + 1].T
+        beyond[i] = -first[i] @ beside[i + 1] - second[i] @ found[i + 2]
+        block = own[i] - beside[i] @ first[i].T - beyond[i] @ second[i].T
+        # rounding makes it a little skew, which the recurrence would let grow without bound
+        found[i] = (block + block.T) / 2
+    # where directions are known very differently well, rounding may leave a variance below zero
+    variance, axes = np.linalg.eigh(found[:n])
+    variance = np.maximum(variance, _LEAST_VARIANCE * variance[:, -1:])
+    return (axes * variance[:, None]) @ np.swapaxes(axes, 1, 2)

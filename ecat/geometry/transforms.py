@@ -126,15 +126,6 @@ def quaternion_angle(a: Floats, b: Floats) -> Floats:
     return 2 * np.arccos(np.clip(dot, 0, 1))
 
 
-def nearest_rotation(matrix: Floats) -> Floats:
-    """The rotation (..., 3, 3) nearest to a matrix (..., 3, 3) in the Frobenius norm (orthogonal
-    Procrustes).
-    """
-    u, _, vt = np.linalg.svd(matrix)
-    vt[..., 2, :] *= np.linalg.det(u @ vt)[..., None]
-    return u @ vt
-
-
 def euler_from_quaternion(quaternion: Floats) -> tuple[Floats, Floats, Floats]:
     """Roll, pitch and yaw (...) in radians: rotation about fixed x, then y, then z; NaN in, NaN out."""
     m = matrix_from_quaternion(quaternion)

@@ -23,11 +23,13 @@ from ecat.process.inputs import (
     has_marks,
     image_stream,
     input_hashes,
+    mark_noise,
     session_camera,
     shapes_for,
     stage_images,
     stage_inputs,
     table_surface,
+    was_tracked,
 )
 from ecat.process.proposals import PROPOSED, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recording_of
@@ -136,10 +138,9 @@ def _why_not(stage: Stage, session: Session) -> str:
     by_depth = "depth" in stage.images and image_stream(session, "depth") is not None
     if not seen and not by_depth and any(name in stage.inputs for name in MARKS):
         return "no markers in this session"
-    if stage.name != "track" and seen and "camera" in stage.parameters.__dataclass_fields__:
-        tracked = any(r is not None and r.stage for r in map(session.manifest.table, MARKS))
-        if tracked and color_camera(session) is None:
-            return "nothing is known of the colour camera: its calibration is needed to measure"
+    measures = stage.name != "track" and "camera" in stage.parameters.__dataclass_fields__
+    if measures and seen and was_tracked(session) and color_camera(session) is None:
+        return "nothing is known of the colour camera: its calibration is needed to measure"
     for name in stage.inputs:
         if name not in {CLOCK, *stage.optional} and not session.has_table(name):
             return f"no table {name}" if seen else f"no markers in this session, and no table {name}"
@@ -206,6 +207,8 @@ def parameters_of(session: Session, stage: Stage, prototypes: Sequence[BoxProtot
         values["camera"] = session_camera(session)
     if "objects" in fields:
         values["objects"] = box_objects(annotated_objects(session), prototypes)
+    if stage.name in {"plane", "pose"}:
+        values["noise"] = mark_noise(session)
     if "surface" in fields:
         values["surface"] = table_surface(session)
     return stage.parameters(**values)
@@ -288,7 +291,7 @@ class _Run:
         recording = recording_of(self._session, table_surface(self._session))
         try:
             if recording is not None:
-                return boxes_in([recording], session_camera(self._session))
+                return boxes_in([recording], self._session)
         except InputError as error:
             self.findings.append(f"{error.what}: {error.where}; nominal boxes were used")
         return NOMINAL_BOXES

@@ -22,6 +22,7 @@ from ecat.store import Session
 from ecat.store.media import annotated_stream, open_images
 
 if TYPE_CHECKING:
+    from ecat.geometry.boxfit import Noise
     from ecat.geometry.cameras import Camera
     from ecat.stages.images import Images
     from ecat.stages.stage import Stage
@@ -180,6 +181,19 @@ def shapes_for(session: Session, stage: Stage) -> list[dict[str, object]]:
 
 def _hash(value: object) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def mark_noise(session: Session) -> Noise:
+    """What errors the corners of the session's marks have: those of the detector that found them."""
+    from ecat.geometry.boxfit import OUTERMOST, SUBPIXEL
+
+    return SUBPIXEL if was_tracked(session) else OUTERMOST
+
+
+def was_tracked(session: Session) -> bool:
+    """Whether the marks were found here, by the stage, and did not come with the recording."""
+    record = session.manifest.table("markers_2d")
+    return record is not None and bool(record.stage)
 
 
 def color_camera(session: Session) -> CameraRecord | None:

@@ -33,8 +33,8 @@ def machine_layer(
     """The layer ``machine``: everything proposed, nothing confirmed.
 
     ``objects`` are those of the layer that the tables' ids come from; the ones that take part are repeated, without
-    their key frames.  ``tracked`` are those that nobody annotated; all of them are kept.  An action that was interrupted
-    has a segment for each stretch.
+    their key frames.  ``tracked`` are those that nobody annotated; all of them are kept.  An action that was
+    interrupted has a segment for each stretch.
     """
     objects = (*objects, *tracked)
     events = _events(event_proposals.to_pylist() if event_proposals else [], objects)

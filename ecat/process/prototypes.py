@@ -12,12 +12,11 @@ import numpy as np
 
 from ecat.errors import EcatError, FormatError, InputError, LimitError, SchemaError, os_error
 from ecat.model.prototype import BoxPrototype
-from ecat.process.inputs import has_marks, sane, session_camera, table_surface
+from ecat.process.inputs import color_camera, has_marks, mark_noise, sane, session_camera, table_surface
 from ecat.progress import Progress, silent
 from ecat.store import Session, open_session, staged_file, write_new_file
 
 if TYPE_CHECKING:
-    from ecat.geometry.cameras import Camera
     from ecat.stages.calibrate import Recording
 
 MAX_BYTES = 4 << 20
@@ -134,7 +133,7 @@ def calibrate_together(
         with contextlib.suppress(EcatError):
             session = open_session(path)
             if has_marks(session):
-                by_camera.setdefault(repr(session.manifest.camera("color")), []).append(session)
+                by_camera.setdefault(_eye(session), []).append(session)
     found: dict[Path, tuple[BoxPrototype, ...]] = {}
     for group in by_camera.values():
         bare = [session.path for session in group if not session.manifest.prototypes]
@@ -148,12 +147,17 @@ def calibrate_together(
                 recordings += [recording] if recording is not None else []
         progress("calibrating the boxes", len(group), len(group))
         with contextlib.suppress(InputError):
-            found |= dict.fromkeys(bare, boxes_in(recordings, session_camera(group[0])))
+            found |= dict.fromkeys(bare, boxes_in(recordings, group[0]))
     return found
 
 
-def boxes_in(recordings: Sequence[Recording], camera: Camera) -> tuple[BoxPrototype, ...]:
-    """The boxes of the recordings, calibrated together.
+def _eye(session: Session) -> str:
+    """What sessions must have in common to be calibrated together: the camera, and what found the marks."""
+    return f"{color_camera(session)!r} {mark_noise(session)!r}"
+
+
+def boxes_in(recordings: Sequence[Recording], session: Session) -> tuple[BoxPrototype, ...]:
+    """The boxes of the recordings, calibrated together, with the camera and the detector of ``session``.
 
     Raises
     ------
@@ -161,9 +165,10 @@ def boxes_in(recordings: Sequence[Recording], camera: Camera) -> tuple[BoxProtot
     """
     from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes
 
+    parameters = CalibrationParameters(camera=session_camera(session), noise=mark_noise(session))
     try:
         with np.errstate(all="ignore"):
-            return calibrate_boxes(recordings, CalibrationParameters(camera=camera)).prototypes
+            return calibrate_boxes(recordings, parameters).prototypes
     except np.linalg.LinAlgError as error:
         raise InputError(
             "cannot calibrate the boxes",
@@ -181,7 +186,7 @@ def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPr
     InputError : no session shows a box from two sides, or their cameras differ.
     """
     recordings: list[Recording] = []
-    cameras: dict[str, Camera] = {}
+    cameras: dict[str, Session] = {}
     found = list(paths)
     for done, path in enumerate(found):
         progress("reading marks", done, len(found))
@@ -189,7 +194,7 @@ def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPr
         recording = recording_of(session, table_surface(session))
         if recording is not None:
             recordings.append(recording)
-            cameras[repr(session.manifest.camera("color"))] = session_camera(session)
+            cameras[_eye(session)] = session
     progress("calibrating the boxes", len(found), len(found))
     if not recordings:
         raise InputError(

@@ -1,23 +1,27 @@
 """``sample_sessions/``: what the project ships to try things on and to test with.  ``python -m ecat.sample.shipped``.
 
-``sessions/<name>/`` are sessions of ecat, ``recorded/<name>/`` is one with images, ``truth/<name>/`` what really
-happened in them; ``ecat_project/`` is the first two as the annotator of 2015-2018 would have written them.
+``sessions/<name>/`` are sessions of ecat, ``recorded/<name>/`` is what the cameras of another one wrote, with the boxes
+in ``boxes.json``; ``truth/<name>/`` is what really happened in them; ``ecat_project/`` is the first two sessions as the
+annotator of 2015-2018 would have written them.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from ecat import formats
 from ecat.checkout import checkout_folder
 from ecat.errors import EcatError
-from ecat.model import ProjectManifest
+from ecat.model import Manifest, ProjectManifest
+from ecat.process import write_prototypes
 from ecat.sample.recording import sample_recording
 from ecat.sample.session import sample_session
 from ecat.sample.truth_tables import write_truth
-from ecat.store import create_project, create_session
+from ecat.store import create_project, create_session, write_new_file
 
 SESSIONS = {
     "slide_next": (1, ("next",)),
@@ -25,8 +29,8 @@ SESSIONS = {
     "slide_past_toward_away": (3, ("past", "toward", "away")),
 }
 """Name of a shipped session -> its seed and what happens in it."""
-WITH_PIXELS = "slide_toward_pixels"
-"""The shipped session with images: few and small ones, so that a checkout stays light."""
+WITH_PIXELS = "slide_toward"
+"""The shipped recording: few and small images, so that a checkout stays light."""
 AS_ECAT_PROJECT = ("slide_next", "slide_around")
 CREATED = "2024-03-05T10:00:00"
 
@@ -48,7 +52,7 @@ def write_shipped(dest: Path) -> None:
 
 
 def write_recording(dest: Path) -> None:
-    """Make the sample session with images in ``dest``, a folder that must not hold it yet."""
+    """Make the sample recording in ``dest``, a folder that must not hold it yet."""
     recording = sample_recording(
         seed=5,
         actions=("toward",),
@@ -58,8 +62,29 @@ def write_recording(dest: Path) -> None:
         depth_every=2,
         crf=20,
     )
-    create_session(dest / "recorded" / WITH_PIXELS, recording.draft)
+    raw = dest / "recorded" / WITH_PIXELS
+    with TemporaryDirectory() as folder:
+        session = create_session(Path(folder) / WITH_PIXELS, recording.draft)
+        shutil.copytree(session.path / "media", raw)
+        write_new_file(raw / "camera.json", [calibration_json(session.manifest)])
+        write_prototypes(raw / "boxes.json", recording.truth.prototypes)
     write_truth(dest / "truth" / WITH_PIXELS, recording.truth, recording.image_truth())
+
+
+def calibration_json(manifest: Manifest) -> bytes:
+    """The cameras of a session as the ``camera.json`` of a folder of videos."""
+    document: dict[str, object] = {"depth_unit_m": 0.001}
+    for camera in manifest.cameras:
+        names = ("fx", "fy", "cx", "cy")
+        document[camera.name] = {
+            "width": camera.width_px,
+            "height": camera.height_px,
+            **{name: round(getattr(camera, f"{name}_px"), 6) for name in names},
+            "mirrored": camera.mirrored,
+            "rotation": camera.rotation,
+            "translation_m": camera.translation_m,
+        }
+    return (json.dumps(document, indent=2) + "\n").encode()
 
 
 def main() -> None:

@@ -55,8 +55,8 @@ class CalibrationParameters:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Calibrated prototypes, the tables (camera-from-table) of the recordings, and what is left: the median
-    distance of a corner from where it should be, in pixels.
+    """Calibrated prototypes, the tables (camera-from-table) of the recordings that show them, and what is left: the
+    median distance of a corner from where it should be, in pixels.
     """
 
     prototypes: tuple[BoxPrototype, ...]
@@ -89,14 +89,13 @@ def calibrate_boxes(
             fix="record the boxes so that two or three faces are seen at once",
         )
     seen = [box_sightings(f, boxes, parameters.camera, parameters.noise) for f in faces]
-    tables = [
-        table if table is not None else _standing_table(sightings, boxes, parameters)
-        for table, sightings in zip(drawn, seen, strict=True)
-    ]
+    # a recording that shows none of them says nothing, and may not even have a table
+    used = [i for i, shown in enumerate(seen) if any(np.isfinite(box.seen.pixels).any() for box in shown)]
+    tables = [drawn[i] or _standing_table(seen[i], boxes, parameters) for i in used]
     tracks = [
-        Track(i, box.prototype, box.seen[:: parameters.every])
-        for i, boxed in enumerate(seen)
-        for box in boxed
+        Track(table, box.prototype, box.seen[:: parameters.every])
+        for table, i in enumerate(used)
+        for box in seen[i]
     ]
     bundle = adjust(
         tracks,
@@ -104,7 +103,7 @@ def calibrate_boxes(
         boxes,
         parameters.camera,
         parameters.noise,
-        polygons=[r.polygon for r in recordings],
+        polygons=[recordings[i].polygon for i in used],
         priors=parameters.priors,
     )
     return Calibration(bundle.prototypes, bundle.tables, bundle.residual_px)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from dataclasses import fields as fields_of
 from itertools import combinations
 from typing import Any
 
@@ -12,22 +13,29 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ecat.errors import InputError
-from ecat.geometry.boxfit import Noise
+from ecat.geometry.boxfit import RESTING, Noise
 from ecat.geometry.boxpose import BoxPoses, Doubt, box_poses, moved_to, scene_of
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.contact import parted
+from ecat.geometry.poseerror import SteadyErrors
 from ecat.geometry.transforms import Floats, Rigid
+from ecat.geometry.transforms import known as known_numbers
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
+from ecat.stages.images import ImagesByKind
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import POSES, TableSchema
 
 NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "residual_px", "sigma_m", "sigma_rad")
+LISTS = {"covariance": 21, "alternative": 7}
+UPPER = np.triu_indices(6)
+"""Rows and columns of the 21 numbers of a covariance (6, 6)."""
 
 
 @dataclass(frozen=True)
 class PoseParameters:
-    """``prototypes`` should be calibrated ones; the nominal boxes are a rough default.
+    """``prototypes`` should be calibrated ones; the nominal boxes are a rough default.  ``noise`` is that of the
+    detector which made the marks: :data:`ecat.geometry.boxfit.OUTERMOST` or ``SUBPIXEL``.
 
     ``overlap_m``: resting boxes that stand in each other by more are moved apart to that; as much may be the
     error of both places.
@@ -37,11 +45,17 @@ class PoseParameters:
     camera: Camera = KINECT_V2_COLOR
     noise: Noise = field(default_factory=Noise)
     doubt: Doubt = field(default_factory=Doubt)
-    overlap_m: float = 0.004
+    steady: SteadyErrors = field(default_factory=SteadyErrors)
+    overlap_m: float = 0.002
 
 
 def table_frame(table_plane: pa.Table) -> Rigid:
-    """camera-from-table of the last row of a ``table_plane`` table.
+    """camera-from-table of the last row of a ``table_plane`` table; errors as for :func:`table_frames`."""
+    return table_frames(table_plane)[-1][1]
+
+
+def table_frames(table_plane: pa.Table) -> list[tuple[int, Rigid]]:
+    """camera-from-table of every row of a ``table_plane`` table, with the frame from which on it holds, ascending.
 
     Raises
     ------
@@ -51,9 +65,12 @@ def table_frame(table_plane: pa.Table) -> Rigid:
         raise InputError(
             "cannot place boxes on the table", where="table_plane has no rows", fix="fit the plane first"
         )
-    row = table_plane.slice(table_plane.num_rows - 1).to_pylist()[0]
-    quaternion = np.array([row[name] for name in ("qx", "qy", "qz", "qw")])
-    return Rigid.from_quaternion(quaternion, np.array([row[f"origin_{axis}"] for axis in "xyz"]))
+    found: list[tuple[int, Rigid]] = []
+    for row in sorted(table_plane.to_pylist(), key=lambda row: int(row["frame"])):
+        quaternion = np.array([row[name] for name in ("qx", "qy", "qz", "qw")])
+        origin = np.array([row[f"origin_{axis}"] for axis in "xyz"])
+        found.append((int(row["frame"]), Rigid.from_quaternion(quaternion, origin)))
+    return found
 
 
 def estimate_poses(
@@ -62,31 +79,61 @@ def estimate_poses(
     markers_3d: pa.Table | None,
     table_plane: pa.Table,
     parameters: PoseParameters | None = None,
+    *,
+    face_planes: pa.Table | None = None,
 ) -> pa.Table:
     """The table ``poses``: a row for every frame of ``clock`` (frame, t_ns) and every box seen in the
     session.
 
     Frames in which no face of a box is seen, or none agrees with a pose, have nulls.  3-D corners (metres,
     ``camera/depth``) help where the 2-D corners leave the distance open, and stand alone where those are
-    missing.
+    missing; ``face_planes`` decide which of two ways a single face leans.  Each frame's pose is in the ``table`` frame
+    of the last row of ``table_plane`` that is not later, the first row's before that.
     """
     parameters = parameters or PoseParameters()
-    faces = read_faces(markers_2d, markers_3d, parameters.camera)
+    faces = read_faces(markers_2d, markers_3d, parameters.camera, face_planes)
     boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
-    table = table_frame(table_plane)
-    found = [
-        box_poses(
-            box.seen,
-            parameters.prototypes[box.prototype],
-            parameters.camera,
-            table,
-            noise=parameters.noise,
-            doubt=parameters.doubt,
-        )
-        for box in boxes
-    ]
-    found = _solid(boxes, found, parameters, table)
-    return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, found, strict=True)])
+    tables = table_frames(table_plane)
+    ends = [*(first for first, _ in tables[1:]), np.iinfo(np.int64).max]
+    parts: list[list[BoxPoses]] = []
+    for (_, table), first, end in zip(tables, [np.iinfo(np.int64).min, *ends], ends, strict=False):
+        shown = [_within(box, first, end) for box in boxes]
+        found = [_placed(box, parameters, table) for box in shown]
+        parts.append(_solid(shown, found, parameters, table))
+    whole = [_joined([part[i] for part in parts]) for i in range(len(boxes))]
+    return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, whole, strict=True)])
+
+
+def _within(box: BoxSightings, first: int, end: int) -> BoxSightings:
+    rows = (box.frame >= first) & (box.frame < end)
+    return BoxSightings(box.object_id, box.prototype, box.frame[rows], box.seen[rows])
+
+
+def _placed(box: BoxSightings, parameters: PoseParameters, table: Rigid) -> BoxPoses:
+    return box_poses(
+        box.seen,
+        parameters.prototypes[box.prototype],
+        parameters.camera,
+        table,
+        noise=parameters.noise,
+        doubt=parameters.doubt,
+        steady=parameters.steady,
+    )
+
+
+def _joined(parts: Sequence[BoxPoses]) -> BoxPoses:
+    """One after the other in time."""
+    if len(parts) == 1:
+        return parts[0]
+    columns: dict[str, Any] = {}
+    for item in fields_of(BoxPoses):
+        values = [getattr(part, item.name) for part in parts]
+        if isinstance(values[0], Rigid):
+            turns, places = [v.rotation for v in values], [v.translation for v in values]
+            columns[item.name] = Rigid(np.concatenate(turns), np.concatenate(places))
+        else:
+            columns[item.name] = np.concatenate(values)
+    return BoxPoses(**columns)
 
 
 def _solid(
@@ -95,37 +142,39 @@ def _solid(
     """The poses with resting boxes moved out of each other, frame by frame."""
     apart = list(found)
     for i, j in combinations(range(len(boxes)), 2):
+        if boxes[i].prototype == boxes[j].prototype:
+            continue  # one box that was recorded under two names
         _, a, b = np.intersect1d(boxes[i].frame, boxes[j].frame, return_indices=True)
         resting = [(p.n_faces > 0) & ~p.free for p in (apart[i], apart[j])]
         both = resting[0][a] & resting[1][b]
         rows = {i: a[both], j: b[both]}
         before = {k: Rigid(apart[k].pose.rotation[r], apart[k].pose.translation[r]) for k, r in rows.items()}
         sizes = [np.array(parameters.prototypes[boxes[k].prototype].size_m) for k in rows]
-        sigmas = [apart[k].sigma_m[r] for k, r in rows.items()]
+        spread = [apart[k].covariance[r][:, RESTING][:, :, RESTING] for k, r in rows.items()]
         after = parted(
-            before[i], before[j], (sizes[0], sizes[1]), (sigmas[0], sigmas[1]), parameters.overlap_m
+            before[i], before[j], (sizes[0], sizes[1]), (spread[0], spread[1]), parameters.overlap_m
         )
         for k, pose in zip(rows, after, strict=True):
-            moved = np.abs(pose.translation - before[k].translation).max(-1, initial=0.0) > 0
-            if moved.any():
+            if np.abs(pose.translation - before[k].translation).max(initial=0.0) > 0:
                 prototype = parameters.prototypes[boxes[k].prototype]
                 scene = scene_of(prototype, parameters.camera, table)
-                places = apart[k].pose.translation.copy()
-                places[rows[k][moved]] = pose.translation[moved]
-                there = Rigid(apart[k].pose.rotation, places)
+                there = Rigid(apart[k].pose.rotation.copy(), apart[k].pose.translation.copy())
+                there.rotation[rows[k]], there.translation[rows[k]] = pose.rotation, pose.translation
                 apart[k] = moved_to(apart[k], there, boxes[k].seen, scene, noise=parameters.noise)
     return apart
 
 
 @dataclass(frozen=True)
 class ObjectPoses:
-    """The poses of one object over all frames (n,), NaN where unknown; ``numbers`` has the columns NUMBERS.
+    """The poses of one object over all frames (n,), NaN where unknown; ``numbers`` has the columns NUMBERS, ``lists``
+    (n, k) those of LISTS.
 
     ``source`` 0 unknown, 1 observed, 2 interpolated; ``free`` only counts where it is known.
     """
 
     object_id: str
     numbers: dict[str, Floats]
+    lists: dict[str, Floats]
     source: NDArray[np.int64]
     free: NDArray[np.bool_]
     n_faces: NDArray[np.int64]
@@ -141,13 +190,17 @@ def _filled(clock: pa.Table, box: BoxSightings, poses: BoxPoses) -> ObjectPoses:
     numbers = {name: np.full(len(frames), np.nan) for name in NUMBERS}
     for name, column in columns.items():
         numbers[name][rows] = column[kept]
+    other = np.concatenate([poses.other.translation, poses.other.quaternion], 1)
+    lists = {name: np.full((len(frames), k), np.nan) for name, k in LISTS.items()}
+    lists["covariance"][rows] = poses.covariance[:, UPPER[0], UPPER[1]][kept]
+    lists["alternative"][rows] = other[kept]
     source, free, n_faces = (
         np.zeros(len(frames), np.int64),
         np.zeros(len(frames), bool),
         np.zeros(len(frames), np.int64),
     )
     source[rows], free[rows], n_faces[rows] = 1, poses.free[kept], poses.n_faces[kept]
-    return ObjectPoses(box.object_id, numbers, source, free, n_faces)
+    return ObjectPoses(box.object_id, numbers, lists, source, free, n_faces)
 
 
 def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses], schema: TableSchema = POSES) -> pa.Table:
@@ -166,6 +219,10 @@ def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses], schema: TableSch
     for name in NUMBERS:
         values = np.array([o.numbers[name] for o in objects]).reshape(m, n).T.ravel()
         columns[name] = pa.array(values, mask=~np.isfinite(values))
+    for name, k in LISTS.items():
+        lists = np.array([o.lists[name] for o in objects]).reshape(m, n, k).transpose(1, 0, 2).reshape(-1, k)
+        missing = pa.array(~known_numbers(lists))
+        columns[name] = pa.FixedSizeListArray.from_arrays(pa.array(lists.ravel()), k, mask=missing)
     columns["source"] = _words([o.source for o in objects], [None, "observed", "interpolated"], known)
     columns["support"] = _words([o.free.astype(np.int64) for o in objects], ["table", "free"], known)
     n_faces = np.array([o.n_faces for o in objects], np.int16).reshape(m, n).T.ravel()
@@ -179,19 +236,25 @@ def _words(codes: Sequence[NDArray[np.int64]], words: list[str | None], known: N
     return pa.array(np.array(words, dtype=object)[flat], pa.string(), mask=~known)
 
 
-def _run(tables: Tables, parameters: PoseParameters) -> dict[str, pa.Table]:
+def _run(tables: Tables, images: ImagesByKind, parameters: PoseParameters) -> dict[str, pa.Table]:
+    del images
     found = estimate_poses(
-        tables["clock"], tables.get("markers_2d"), tables.get("markers_3d"), tables["table_plane"], parameters
+        tables["clock"],
+        tables.get("markers_2d"),
+        tables.get("markers_3d"),
+        tables["table_plane"],
+        parameters,
+        face_planes=tables.get("face_planes"),
     )
     return {"poses": found}
 
 
 POSE = Stage(
     name="pose",
-    version=1,
-    inputs=("clock", "table_plane", "markers_2d", "markers_3d"),
+    version=3,
+    inputs=("clock", "table_plane", "markers_2d", "markers_3d", "face_planes"),
     outputs=("poses",),
     parameters=PoseParameters,
     run=_run,
-    optional=("markers_2d", "markers_3d"),
+    optional=("markers_2d", "markers_3d", "face_planes"),
 )

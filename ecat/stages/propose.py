@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.grasp import Grasp, Grip, find_grasp
 from ecat.geometry.moves import Move, Segmentation, find_moves, goes_on, grouped
-from ecat.geometry.relations import box_gap, way
+from ecat.geometry.relations import box_gap
+from ecat.geometry.relations import way as path_way
 from ecat.geometry.rest import box_places
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
+from ecat.stages.series import Series, sets_back
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tracks import HandTrack, Timeline, Track, object_boxes, read_hands, read_tracks, timeline
 from ecat.tables import EVENT_PROPOSALS
@@ -38,7 +40,8 @@ class ProposeParameters:
     """``regrasp_s``, ``regrasp_turn_rad``: a box that is let go and taken again within that time, moved on in about
     that direction by the same (known) hand while nothing else moves, is one action.  ``lifted``: above this share of
     frames off the table an action is a ``move``, otherwise a ``slide``.  ``beside_m`` and ``change_m`` as in
-    :func:`ecat.geometry.relations.way`.  ``hands``: joints that may hold a box.
+    :func:`ecat.geometry.relations.way`.  ``hands``: joints that may hold a box.  ``series``: when what is between
+    demonstrations of one kind is called ``set``.
     """
 
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
@@ -51,6 +54,7 @@ class ProposeParameters:
     lifted: float = 0.3
     beside_m: float = 0.04
     change_m: float = 0.05
+    series: Series = field(default_factory=Series)
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,14 @@ class _Carry:
 
 
 _Action: TypeAlias = tuple[_Carry, ...]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How an action went (a key of ``PREPOSITIONS`` or ``""``) with regard to a landmark, if there is one."""
+
+    kind: str
+    landmark: Track | None
 
 
 @dataclass(frozen=True)
@@ -118,8 +130,14 @@ def propose_events(
         grouped(carries, _regrasped(scene)),
         key=lambda action: (action[0].whole[0], action[0].track.object_id),
     )
+    ways = [_way(action, scene) for action in actions]
+    back = sets_back([way.kind for way in ways], parameters.series)
     ids = (f"a{number}" for number in count(1))
-    rows = [row for action in actions for row in _rows(action, scene, ids)]
+    rows = [
+        row
+        for action, way, only_set in zip(actions, ways, back, strict=True)
+        for row in _rows(action, "set" if only_set else _verb(action, parameters), way, line, ids)
+    ]
     rows.sort(key=lambda row: (row["start_frame"], row["event_id"]))
     return pa.Table.from_pylist(rows, schema=EVENT_PROPOSALS.arrow)
 
@@ -130,7 +148,7 @@ def _carries(
     seen = np.flatnonzero(track.observed)
     places = box_places(_at(track, seen), track.size_m)
     moves = find_moves(line.t_s[seen], places, track.sigma_m[seen], track.free[seen], parameters.moves)
-    spans = [(int(seen[move.first]) + move.from_rest, int(seen[move.last])) for move in moves]
+    spans = [line.rows(move) for move in moves]
     for number, (move, (start, end)) in enumerate(zip(moves, spans, strict=True)):
         bounds = (
             spans[number - 1][1] if number else 0,
@@ -171,31 +189,34 @@ def _regrasped(scene: _Scene) -> Callable[[_Carry, _Carry], bool]:
     return together
 
 
-def _rows(action: _Action, scene: _Scene, ids: Iterator[str]) -> Iterator[dict[str, Any]]:
-    """The action's row and those of its parts."""
-    track, hand = action[0].track, action[0].hand
+def _verb(action: _Action, parameters: ProposeParameters) -> str:
     frames = [carry.end - carry.start for carry in action]
     lifted = np.average([carry.move.lifted for carry in action], weights=frames)
-    seen = np.average([carry.seen for carry in action], weights=frames)
-    landmark = _landmark(action, scene)
-    kind = _way(action, landmark, scene.parameters) if landmark else ""
+    return "move" if lifted > parameters.lifted else "slide"
+
+
+def _rows(
+    action: _Action, verb: str, way: _Way, line: Timeline, ids: Iterator[str]
+) -> Iterator[dict[str, Any]]:
+    """The action's row and those of its parts."""
+    track, hand, landmark = action[0].track, action[0].hand, way.landmark
+    seen = np.average([carry.seen for carry in action], weights=[carry.end - carry.start for carry in action])
     common = {
         "object_id": track.object_id,
         "hand": hand,
         "landmark": landmark.object_id if landmark else None,
         "confidence": float(1 + seen) / 2,
     }
-    verb = "move" if lifted > scene.parameters.lifted else "slide"
     text = f"{verb.capitalize()} {track.box.name}"
-    if landmark and kind:
-        text += f" {PREPOSITIONS[kind]} {landmark.box.name}"
-    name, span = next(ids), scene.line.interval(action[0].whole[0], action[-1].whole[1])
-    event_type = f"{verb}_{kind}" if kind else verb
+    if landmark and way.kind:
+        text += f" {PREPOSITIONS[way.kind]} {landmark.box.name}"
+    name, span = next(ids), line.interval(action[0].whole[0], action[-1].whole[1])
+    event_type = f"{verb}_{way.kind}" if way.kind else verb
     yield common | span | {"event_id": name, "parent": None, "type": event_type, "text": text}
     for carry in action:
         for part, start, end in _parts(carry):
             row = common | {"event_id": next(ids), "parent": name, "type": part, "text": ""}
-            yield row | scene.line.interval(start, end)
+            yield row | line.interval(start, end)
 
 
 def _parts(carry: _Carry) -> Iterator[tuple[str, int, int]]:
@@ -211,9 +232,9 @@ def _parts(carry: _Carry) -> Iterator[tuple[str, int, int]]:
 
 
 def _landmark(action: _Action, scene: _Scene) -> Track | None:
-    """The box nearest to the way among those that stand meanwhile."""
-    start, end = action[0].start, action[-1].end
-    busy = scene.busy(start, end)
+    """The box nearest to the way among those that stand when the action ends."""
+    end = action[-1].end
+    busy = scene.busy(end - 1, end + 1)
     path = _path(action)
     best, least = None, math.inf
     for track in scene.tracks:
@@ -241,12 +262,16 @@ def _standing(track: Track, row: int) -> Rigid:
     return _at(track, seen[[max(int(np.searchsorted(seen, row, side="right")) - 1, 0)]])
 
 
-def _way(action: _Action, landmark: Track, parameters: ProposeParameters) -> str:
-    track, end = action[0].track, action[-1].end
+def _way(action: _Action, scene: _Scene) -> _Way:
+    landmark = _landmark(action, scene)
+    if landmark is None:
+        return _Way("", None)
+    track, end, parameters = action[0].track, action[-1].end, scene.parameters
     here, there = _standing(track, end), _standing(landmark, end)
     gap_m = float(box_gap(here, there, track.size_m, landmark.size_m)[0])
     place = there.translation[0, :2]
-    return way(_path(action), place, gap_m, beside_m=parameters.beside_m, change_m=parameters.change_m)
+    kind = path_way(_path(action), place, gap_m, beside_m=parameters.beside_m, change_m=parameters.change_m)
+    return _Way(kind, landmark)
 
 
 def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) -> dict[str, pa.Table]:
@@ -265,7 +290,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
 
 PROPOSE = Stage(
     name="propose",
-    version=1,
+    version=2,
     inputs=("clock", "poses", "table_plane", "joints", "markers_2d", "markers_3d"),
     outputs=("event_proposals",),
     parameters=ProposeParameters,

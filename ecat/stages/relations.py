@@ -131,7 +131,7 @@ def _moving(track: Track, line: Timeline, rules: Segmentation) -> Iterator[Held]
     rows = np.flatnonzero(track.observed)
     places = box_places(track.pose, track.size_m)[rows]
     for move in find_moves(line.t_s[rows], places, track.sigma_m[rows], track.free[rows], rules):
-        start, end = int(rows[move.first]) + move.from_rest, int(rows[move.last])
+        start, end = line.rows(move)
         if end > start:
             seen = float(track.observed[start:end].mean())
             yield Held(start, end, (1 + seen) / 2)
@@ -217,7 +217,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
 
 RELATIONS = Stage(
     name="relations",
-    version=1,
+    version=2,
     inputs=("clock", "poses", "poses_smooth", "table_plane", "joints", "markers_2d", "markers_3d"),
     outputs=("relation_proposals",),
     parameters=RelationParameters,

@@ -24,6 +24,7 @@ from ecat.geometry.transforms import Floats
 from ecat.model.prototype import BoxPrototype
 
 PIXELS = tuple(f"{axis}{i}_px" for i in range(4) for axis in "uv")
+PLANE = ("nx", "ny", "nz", "d", "sigma_m")
 POINTS = tuple(f"{axis}{i}" for i in range(4) for axis in "xyz")
 
 
@@ -32,7 +33,9 @@ class Faces:
     """Marker faces as detected, row by row: rings of corners as the detector wrote them, NaN = missing.
 
     ``frame`` (n,), ``object_id`` and ``code`` n strings, ``pixels`` (n, 4, 2), ``points`` (n, 4, 3) paired
-    with the pixels, both starting at the leftmost corner and running clockwise on the screen.
+    with the pixels, both starting at the leftmost corner and running clockwise on the screen; ``planes`` (n, 5) the
+    plane that depth shows there: unit normal, offset, sigma in metres; ``row`` (n,) the face's row among those of
+    markers_2d that have a code, then markers_3d's.
     """
 
     frame: NDArray[np.int64]
@@ -40,6 +43,8 @@ class Faces:
     code: list[str]
     pixels: Floats
     points: Floats
+    planes: Floats
+    row: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -54,8 +59,13 @@ class BoxSightings:
     seen: Sightings
 
 
-def read_faces(markers_2d: pa.Table | None, markers_3d: pa.Table | None, camera: Camera) -> Faces:
-    """Join the tables ``markers_2d`` and ``markers_3d`` (either may be None) by frame, object and order.
+def read_faces(
+    markers_2d: pa.Table | None,
+    markers_3d: pa.Table | None,
+    camera: Camera,
+    face_planes: pa.Table | None = None,
+) -> Faces:
+    """Join the tables ``markers_2d``, ``markers_3d`` and ``face_planes`` (all may be None) by frame, object and order.
 
     Faces with missing 2-D corners are kept when at least three of their 3-D corners are known: their
     projections tell which corner is the leftmost (ECAT 2018 file format §0.3-0.4).
@@ -79,7 +89,23 @@ def read_faces(markers_2d: pa.Table | None, markers_3d: pa.Table | None, camera:
     pixels, points = (np.take_along_axis(corners, start, 1)[known] for corners in (pixels, points))
     kept = np.flatnonzero(known)
     frame = np.array([keys[i][0] for i in kept], dtype=np.int64)
-    return Faces(frame, [keys[i][1] for i in kept], [code[i] for i in kept], pixels, points)
+    planes = _planes(face_planes, [keys[i] for i in kept])
+    return Faces(frame, [keys[i][1] for i in kept], [code[i] for i in kept], pixels, points, planes, kept)
+
+
+def _planes(face_planes: pa.Table | None, keys: Sequence[tuple[int, str, int]]) -> Floats:
+    """Planes (n, 5) of faces, NaN where depth shows none."""
+    planes = np.full((len(keys), 5), np.nan)
+    if face_planes is None or not face_planes.num_rows:
+        return planes
+    columns = [face_planes[name].to_numpy(zero_copy_only=False) for name in PLANE]
+    values = np.stack([np.asarray(column, float) for column in columns], -1)
+    frame, order = (face_planes[name].to_numpy().tolist() for name in ("frame", "order"))
+    names = _strings(face_planes, "object_id")
+    rows = {key: i for i, key in enumerate(zip(frame, names, order, strict=True))}
+    met = np.array([rows.get(key, -1) for key in keys], np.int64)
+    planes[met >= 0] = values[met[met >= 0]]
+    return planes
 
 
 @dataclass(frozen=True)
@@ -130,6 +156,11 @@ def box_sightings(
         corner = orders[match[rows, 2]][..., None]
         pixels[place, match[rows, 1]] = np.take_along_axis(faces.pixels[rows], corner, 1)
         points[place, match[rows, 1]] = np.take_along_axis(faces.points[rows], corner, 1)
+        planes = None
+        if np.isfinite(faces.planes[rows]).any():
+            planes = np.full((*shape[:2], 5), np.nan)
+            planes[place, match[rows, 1]] = faces.planes[rows]
         sharpness = np.nan_to_num(corner_sharpness(pixels, noise))
-        found.append(BoxSightings(object_id, prototype, frame, Sightings(pixels, points, sharpness)))
+        seen = Sightings(pixels, points, sharpness, planes)
+        found.append(BoxSightings(object_id, prototype, frame, seen))
     return found

@@ -10,32 +10,39 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ecat.geometry.smoothing import Smoothness, smooth_track
-from ecat.geometry.transforms import Floats
-from ecat.stages.pose import NUMBERS, ObjectPoses, pose_table
+from ecat.geometry.smoothing import Smoothness, random_share, smooth_track
+from ecat.geometry.transforms import Floats, known, quaternion_angle, skew
+from ecat.stages.images import ImagesByKind
+from ecat.stages.pose import LISTS, NUMBERS, UPPER, ObjectPoses, pose_table
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
+_STILL_M = 0.005
 
 
 @dataclass(frozen=True)
 class SmoothParameters:
     """``max_gap_s``: a longer time without any observation is not bridged, and separates what is smoothed
-    together; ``place`` in metres and ``turn`` in radians, per second squared.
+    together; ``place`` in metres and ``turn`` in radians, per second squared; ``speed``, ``spin``: how fast things
+    usually are (m/s, rad/s), by which time decides between two poses that explain a frame alike.
     """
 
     max_gap_s: float = 0.5
     place: Smoothness = field(default_factory=lambda: Smoothness(acceleration=0.3))
     turn: Smoothness = field(default_factory=lambda: Smoothness(acceleration=3.0))
+    speed: float = 0.3
+    spin: float = 1.0
 
 
 def smooth_poses(poses: pa.Table, parameters: SmoothParameters | None = None) -> pa.Table:
     """The table ``poses_smooth``: every frame uses what was observed before and after it.
 
-    Observed frames stay ``observed``; gaps up to ``max_gap_s`` become ``interpolated``, with standard
-    deviations that grow with the distance from the next observation; nothing is continued beyond the first
-    or last one. Without times (``t_ns`` null) frames count as thirtieths of a second.
+    Observed frames stay ``observed``, of two poses that explain one alike (``alternative``) the one that agrees with
+    the frames around it; gaps up to ``max_gap_s`` become ``interpolated``, with a covariance that grows with the
+    distance from the next observation; nothing is continued beyond the first or last one.  Position and rotation are
+    smoothed apart: what they have to do with each other is not in the covariance.  Without times (``t_ns`` null) frames
+    count as thirtieths of a second.
     """
     parameters = parameters or SmoothParameters()
     objects = sorted({str(name) for name in poses["object_id"].to_pylist()})
@@ -53,28 +60,118 @@ def _seconds(track: pa.Table) -> Floats:
 
 def _smoothed(name: str, track: pa.Table, parameters: SmoothParameters) -> ObjectPoses:
     t_s = _seconds(track)
-    numbers = {key: np.array(track[key].to_numpy(zero_copy_only=False), float) for key in NUMBERS}
+    numbers = {key: _column(track, key) for key in NUMBERS}
     observed = np.array([source == "observed" for source in track["source"].to_pylist()], bool)
     free = np.array([support == "free" for support in track["support"].to_pylist()], bool)
-    n_faces = np.where(
-        observed, np.nan_to_num(np.array(track["n_faces"].to_numpy(zero_copy_only=False), float)), 0
-    )
+    n_faces = np.where(observed, np.nan_to_num(_column(track, "n_faces")), 0)
     source = observed.astype(np.int64)
+    places, turns = (np.stack([numbers[key] for key in keys], 1) for keys in (PLACE, TURN))
+    covariance = pose_covariances(track)
+    _decide(t_s, (places, turns), numbers["sigma_rad"], _lists(track, "alternative"), parameters)
+    spread = np.full(covariance.shape, np.nan)
     for part in _stretches(t_s, observed, parameters.max_gap_s):
-        place = np.stack([numbers[key][part] for key in PLACE], 1)
-        turn = _same_sign(np.stack([numbers[key][part] for key in TURN], 1))
-        place, sigma_m = smooth_track(t_s[part], place, numbers["sigma_m"][part], parameters.place)
-        # a quaternion's components change by half the angle
-        turn, sigma_half = smooth_track(t_s[part], turn, numbers["sigma_rad"][part] / 2, parameters.turn)
+        place, spread_m = _without_scatter(
+            t_s[part], places[part], covariance[part, :3, :3], parameters.place
+        )
+        turn = _same_sign(turns[part])
+        by_turn = _quaternion_covariance(turn, covariance[part, 3:, 3:])
+        turn, by_turn = _without_scatter(t_s[part], turn, by_turn, parameters.turn)
         turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
-        turn = np.where(turn[:, 3:] < 0, -turn, turn)
-        for keys, values in ((PLACE, place), (TURN, turn)):
-            for key, column in zip(keys, values.T, strict=True):
-                numbers[key][part] = column
-        numbers["sigma_m"][part], numbers["sigma_rad"][part] = sigma_m, 2 * sigma_half
+        places[part], turns[part] = place, np.where(turn[:, 3:] < 0, -turn, turn)
+        spread[part] = 0.0
+        spread[part, :3, :3], spread[part, 3:, 3:] = spread_m, _turn_covariance(turn, by_turn)
         source[part] = np.where(observed[part], 1, np.where(np.isfinite(place[:, 0]), 2, 0))
         free[part] = _carried(free[part], observed[part])
-    return ObjectPoses(name, numbers, source, free, n_faces.astype(np.int64))
+    for keys, values in ((PLACE, places), (TURN, turns)):
+        numbers.update(zip(keys, values.T, strict=True))
+    numbers["sigma_m"] = np.sqrt(np.einsum("nii->n", spread[:, :3, :3]) / 3)
+    numbers["sigma_rad"] = np.sqrt(np.einsum("nii->n", spread[:, 3:, 3:]) / 3)
+    lists = {"covariance": spread[:, UPPER[0], UPPER[1]], "alternative": np.full((len(t_s), 7), np.nan)}
+    return ObjectPoses(name, numbers, lists, source, free, n_faces.astype(np.int64))
+
+
+def _without_scatter(
+    t_s: Floats, values: Floats, covariance: Floats, smoothness: Smoothness
+) -> tuple[Floats, Floats]:
+    """Smoothed by as much as the values scatter; errors that stay the same remain in the covariance."""
+    share = random_share(values, covariance)
+    track, spread = smooth_track(t_s, values, share * covariance, smoothness)
+    measured = covariance[np.isfinite(covariance).all((1, 2))]
+    return track, spread + (1 - share) * np.median(measured, axis=0)
+
+
+def _column(track: pa.Table, name: str) -> Floats:
+    return np.array(track[name].to_numpy(zero_copy_only=False), float)
+
+
+def _lists(track: pa.Table, name: str) -> Floats:
+    """A column of lists as (n, k), NaN where null."""
+    blank = [np.nan] * LISTS[name]
+    return np.array([blank if row is None else row for row in track[name].to_pylist()], float).reshape(
+        -1, LISTS[name]
+    )
+
+
+def pose_covariances(poses: pa.Table) -> Floats:
+    """The covariances (n, 6, 6) of a table of poses, NaN where unknown; where only ``sigma_m`` and ``sigma_rad`` are
+    known, those of errors alike along all axes.
+    """
+    found = np.full((poses.num_rows, 6, 6), np.nan)
+    listed = _lists(poses, "covariance")
+    found[:, UPPER[0], UPPER[1]] = listed
+    found[:, UPPER[1], UPPER[0]] = listed
+    sigma = np.stack([_column(poses, name) for name in ("sigma_m", "sigma_rad")], 1).repeat(3, axis=1)
+    plain = np.isnan(listed).any(1) & np.isfinite(sigma).all(1)
+    found[plain] = sigma[plain, :, None] ** 2 * np.eye(6)
+    return found
+
+
+def _decide(
+    t_s: Floats, track: tuple[Floats, Floats], sigma: Floats, other: Floats, parameters: SmoothParameters
+) -> None:
+    """Put the alternative in the pose's stead wherever the whole track is smoother so (Viterbi's algorithm)."""
+    places, turns = track
+    rows = np.flatnonzero(known(turns))
+    if not np.isfinite(other[rows]).any():
+        return
+    states = np.stack([np.concatenate([places, turns], 1), other], 1)[rows]
+    there, price = known(states), np.array([0.0, 1.0])
+    total = np.where(there[0], price, np.inf)
+    came: list[NDArray[np.intp]] = []
+    for i in range(1, len(rows)):
+        span = min(t_s[rows[i]] - t_s[rows[i - 1]], parameters.max_gap_s)
+        far = np.linalg.norm(states[i, None, :, :3] - states[i - 1, :, None, :3], axis=-1)
+        turned = quaternion_angle(states[i - 1, :, None, 3:], states[i, None, :, 3:])
+        doubt = float(np.nan_to_num(np.hypot(sigma[rows[i]], sigma[rows[i - 1]])))
+        step = (far / (_STILL_M + parameters.speed * span)) ** 2 + (
+            turned / (doubt + parameters.spin * span)
+        ) ** 2
+        reached = total[:, None] + np.log1p(np.nan_to_num(step))
+        came.append(reached.argmin(0))
+        total = np.where(there[i], reached.min(0) + price, np.inf)
+    state = int(total.argmin())
+    for i in range(len(rows) - 1, -1, -1):
+        places[rows[i]], turns[rows[i]] = states[i, state, :3], states[i, state, 3:]
+        state = int(came[i - 1][state]) if i else state
+
+
+def _left(turn: Floats) -> Floats:
+    """(n, 4, 3): the quaternion changes by half of this times a small turn about the frame's axes."""
+    vector, scalar = turn[:, :3], turn[:, 3]
+    return np.concatenate([scalar[:, None, None] * np.eye(3) - skew(vector), -vector[:, None]], 1)
+
+
+def _quaternion_covariance(turn: Floats, covariance: Floats) -> Floats:
+    """Of quaternions (n, 4), whose length is as uncertain as the turn on average: covariances (n, 4, 4)."""
+    by_turn = _left(turn)
+    length = np.einsum("nii->n", covariance)[:, None, None] / 12 * turn[:, :, None] * turn[:, None]
+    return by_turn @ covariance @ np.swapaxes(by_turn, 1, 2) / 4 + length
+
+
+def _turn_covariance(turn: Floats, covariance: Floats) -> Floats:
+    """Covariances (n, 3, 3) of turns, of those (n, 4, 4) of quaternions."""
+    by_turn = _left(turn)
+    return 4 * np.swapaxes(by_turn, 1, 2) @ covariance @ by_turn
 
 
 def _stretches(t_s: Floats, observed: NDArray[np.bool_], max_gap_s: float) -> Iterator[slice]:
@@ -105,13 +202,14 @@ def _carried(free: NDArray[np.bool_], observed: NDArray[np.bool_]) -> NDArray[np
     return np.where(observed, free, free[last] | free[following])
 
 
-def _run(tables: Tables, parameters: SmoothParameters) -> dict[str, pa.Table]:
+def _run(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> dict[str, pa.Table]:
+    del images
     return {"poses_smooth": smooth_poses(tables["poses"], parameters)}
 
 
 SMOOTH = Stage(
     name="smooth",
-    version=1,
+    version=2,
     inputs=("poses",),
     outputs=("poses_smooth",),
     parameters=SmoothParameters,

@@ -12,9 +12,10 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.geometry.boxes import match_codes
+from ecat.geometry.moves import Move
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype
-from ecat.stages.pose import table_frame
+from ecat.stages.pose import table_frames
 
 JOINT_SIGMA_M = {"tracked": 0.01, "inferred": 0.03}
 """Standard deviation of a joint by its state; others are not used."""
@@ -27,6 +28,11 @@ class Timeline:
     frame: NDArray[np.int64]
     t_s: Floats
     t_ns: list[int | None]
+
+    def rows(self, move: Move) -> tuple[int, int]:
+        """The rows, the last excluded, in which a box is on its way."""
+        start, end = np.searchsorted(self.t_s, (move.start_s, move.end_s))
+        return int(start) + move.from_rest, int(end)
 
     def interval(self, start: int, end: int) -> dict[str, int | None]:
         """Columns of a half-open interval of rows; the end after the last row is one usual step later."""
@@ -135,7 +141,6 @@ def read_hands(
     """The named joints of every annotated rig, in the ``table`` frame; bodies without a rig are left out."""
     if joints is None or not joints.num_rows:
         return []
-    table_from_camera = table_frame(table_plane).inverse()
     kept = joints.filter(
         pc.and_(
             pc.is_in(joints["joint"].cast(pa.string()), value_set=pa.array(list(names), pa.string())),
@@ -146,7 +151,7 @@ def read_hands(
     frame = np.asarray(kept["frame"].to_numpy(), np.int64)
     points = np.stack([np.asarray(kept[axis].to_numpy(zero_copy_only=False), float) for axis in "xyz"], -1)
     sigma = np.array([JOINT_SIGMA_M.get(state, np.nan) for state in _words(kept, "state")[0]], float)
-    points = table_from_camera.apply(np.where(np.isnan(sigma)[:, None], np.nan, points))
+    points = _on_table(np.where(np.isnan(sigma)[:, None], np.nan, points), frame, table_plane)
     found: list[HandTrack] = []
     for name in sorted(set(owner.tolist())):
         mine = (owner == name) & np.isin(frame, line.frame)
@@ -156,6 +161,17 @@ def read_hands(
         rig, joint = name.rsplit("/", 1)
         found.append(HandTrack(rig, joint, place, doubt))
     return found
+
+
+def _on_table(points: Floats, frame: NDArray[np.int64], table_plane: pa.Table) -> Floats:
+    """Points (n, 3) of a camera in the ``table`` frame, each by the plane that held at its frame."""
+    planes = table_frames(table_plane)
+    begins = [begin for begin, _ in planes]
+    which = np.maximum(np.searchsorted(begins, frame, side="right") - 1, 0)
+    there = np.full_like(points, np.nan)
+    for number, (_, camera_from_table) in enumerate(planes):
+        there[which == number] = camera_from_table.inverse().apply(points[which == number])
+    return there
 
 
 def _words(table: pa.Table, *names: str) -> list[list[str]]:

@@ -38,6 +38,8 @@ def poses(name: str, *, x: float = 0.5, turn: float = pi / 2) -> TableData:
         "residual_px": [0.6, None],
         "sigma_m": [0.001, None],
         "sigma_rad": [0.01, None],
+        "covariance": [[1e-6] * 21, None],
+        "alternative": [None, None],
     }
     schema = POSES.arrow
     arrays = [

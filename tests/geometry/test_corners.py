@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecat.geometry.corners import Outlines, clockwise, outline
+from ecat.geometry.corners import Outlines, Several, clockwise, outline
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES
 from tests.geometry.printed import Print, photograph, random_ring, seen_ring
@@ -85,3 +85,17 @@ def test_rings_are_turned_clockwise() -> None:
     both = clockwise(np.stack([ring, ring[::-1]]))
     assert (both[0] == ring).all()
     assert (both[1] == ring).all()
+
+
+def test_rings_of_several_images_are_measured_as_each_is_alone() -> None:
+    rng = np.random.default_rng(4)
+    rings = np.stack([random_ring(rng, 30.0) + MIDDLE for _ in range(5)])
+    images = [photograph(rng, [CODE], [ring], shape=(160, 160)) for ring in rings[:4]]
+    which = np.array([0, 0, 3, 3, 3])  # no ring is in the images between
+    rings = rings[[0, 0, 3, 3, 3]] + rng.normal(0, 0.5, rings.shape)
+    together = outline(Several(images, which), rings, reach_px=3)
+    alone = np.concatenate(
+        [outline(images[i], ring[None], reach_px=3).rings for i, ring in zip(which, rings, strict=True)]
+    )
+    assert np.allclose(together.rings, alone)
+    assert len(outline(Several(images, which[:0]), rings[:0], reach_px=3)) == 0

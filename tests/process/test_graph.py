@@ -19,7 +19,6 @@ from ecat.stages import STAGES
 from ecat.store import Draft, Session, TableData, create_session, open_session
 from ecat.tables import MARKERS_2D, TABLES
 
-
 STAGES_BY_DEFAULT = ("plane", "pose", "relations", "propose")
 """Those that run on a session whose markers came with it, unless smoothing is asked for."""
 

@@ -67,8 +67,8 @@ def test_everything_is_a_proposal_of_a_stage() -> None:
     made = layer()
     assert made.name == "machine"
     assert {e.status for e in made.events} == {r.status for r in made.relations} == {"proposed"}
-    assert {e.author for e in made.events} == {"ecat propose 1"}
-    assert {(r.author, r.source) for r in made.relations} == {("ecat relations 1", "computed")}
+    assert {e.author for e in made.events} == {"ecat propose 2"}
+    assert {(r.author, r.source) for r in made.relations} == {("ecat relations 2", "computed")}
 
 
 def test_only_what_takes_part_is_repeated_without_what_a_person_drew() -> None:
@@ -101,6 +101,12 @@ def test_parts_hang_below_their_action_and_name_the_hand() -> None:
 
 def test_an_interrupted_action_has_a_segment_for_each_stretch() -> None:
     assert [(s.start_frame, s.end_frame) for s in layer().events[0].segments] == [(10, 40), (60, 90)]
+
+
+def test_the_verb_of_what_only_sets_up_the_next_action_is_bound_too() -> None:
+    text = "Set Shell toward Stella Artois"
+    (action,) = machine_layer(None, events(event("a1", "set_toward", 0, 9, text=text)), OBJECTS).events
+    assert [(text[p.start : p.end], p.type) for p in action.predicates] == [("Set", "set")]
 
 
 def test_without_a_hand_there_is_no_agent() -> None:

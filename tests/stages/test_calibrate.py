@@ -12,7 +12,7 @@ import pytest
 
 from ecat.errors import InputError
 from ecat.model.prototype import BoxPrototype
-from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes
+from ecat.stages.calibrate import CalibrationParameters, Recording, calibrate_boxes
 from tests.stages.recorded import Recorded
 
 Generated = Callable[..., Recorded]
@@ -55,6 +55,15 @@ def test_several_recordings_are_calibrated_together(generated: Generated) -> Non
     found = calibrate_boxes([part.recording for part in parts])
     assert len(found.tables) == 2
     assert len(found.prototypes) == 1
+
+
+def test_a_recording_that_shows_no_box_is_no_hindrance(generated: Generated) -> None:
+    session = generated(120)
+    nothing = Recording(session.markers_2d.slice(0, 0))
+    found = calibrate_boxes([nothing, session.recording])
+    alone = calibrate_boxes([session.recording])
+    assert len(found.tables) == 1
+    assert found.prototypes == alone.prototypes
 
 
 def test_misread_codes_do_not_make_faces(generated: Generated) -> None:

@@ -148,6 +148,41 @@ def test_the_stage_is_the_function(generated: Generated) -> None:
         session.polygon, session.markers_2d, None, PlaneParameters(prototypes=(session.prototype,))
     )
     tables = {"clock": session.clock, "table_plane": plane, "markers_2d": session.markers_2d}
-    made = POSE.run(tables, POSE.parameters(prototypes=(session.prototype,)))
+    made = POSE.run(tables, {}, POSE.parameters(prototypes=(session.prototype,)))
     assert tuple(made) == POSE.outputs
     assert made["poses"].num_rows == 20
+
+
+def test_one_box_under_two_names_is_not_moved_out_of_itself(generated: Generated) -> None:
+    session = generated(20)
+    at = session.markers_2d.schema.get_field_index("object_id")
+    other = pa.array(["o7"] * len(session.markers_2d)).dictionary_encode()
+    twice = pa.concat_tables([session.markers_2d, session.markers_2d.set_column(at, "object_id", other)])
+    once, both = solve(session), solve(session, twice)
+    for name in ("o2", "o7"):
+        mine = both.filter(pc.field("object_id").cast(pa.string()) == name)
+        np.testing.assert_array_equal(columns(mine, "x y z"), columns(once, "x y z"))
+
+
+def test_each_frame_is_placed_on_the_table_as_it_was_then(generated: Generated) -> None:
+    """The camera was moved at frame 20: from there on another row of the plane holds."""
+    session = generated(40)
+    assert session.prototype is not None
+    first = fit_table(session.polygon)
+    moved = first.to_pylist()[0] | {"frame": 20, "origin_x": first["origin_x"][0].as_py() + 0.1}
+    rows = pa.Table.from_pylist([moved, first.to_pylist()[0]], schema=TABLE_PLANE.arrow)
+    parameters = PoseParameters(prototypes=(session.prototype,))
+    poses = estimate_poses(session.clock, session.markers_2d, None, rows, parameters)
+    once = estimate_poses(session.clock, session.markers_2d, None, first, parameters)
+    shift = table_frame(first).rotation.T @ np.array([0.1, 0.0, 0.0])
+    np.testing.assert_allclose(columns(poses, "x y z")[:20], columns(once, "x y z")[:20], atol=1e-9)
+    np.testing.assert_allclose(columns(poses, "x y")[20:], columns(once, "x y")[20:] - shift[:2], atol=1e-4)
+
+
+def test_the_covariance_is_told_where_there_is_a_pose(generated: Generated) -> None:
+    session = generated(30)
+    poses = solve(session, session.markers_2d.filter(pc.field("frame") < 20))
+    assert poses["covariance"].null_count == 10
+    upper = np.array(poses["covariance"].to_pylist()[:20])
+    variances = upper[:, [0, 6, 11]]
+    np.testing.assert_allclose(np.sqrt(variances.mean(1)), columns(poses, "sigma_m")[:20, 0])

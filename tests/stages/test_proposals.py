@@ -66,7 +66,8 @@ def marks() -> pa.Table:
 def plane() -> pa.Table:
     turn, origin = TABLE.quaternion, TABLE.translation
     names = ("qx", "qy", "qz", "qw", "origin_x", "origin_y", "origin_z")
-    return pa.table({name: [float(v)] for name, v in zip(names, [*turn, *origin], strict=True)})
+    fitted = {name: [float(v)] for name, v in zip(names, [*turn, *origin], strict=True)}
+    return pa.table({"frame": [0], **fitted})
 
 
 def joints(path: Floats, joint: str = "HandRight") -> pa.Table:
@@ -238,6 +239,21 @@ def test_a_movement_in_the_dark_is_proposed_with_less_confidence() -> None:
     assert dark["confidence"] == 0.5 < seen["confidence"]
 
 
+def test_what_is_between_demonstrations_of_one_kind_is_set() -> None:
+    rows = np.arange(N)
+    share = np.abs(np.clip((rows % 24 - 6) / 6, 0, 1) - np.clip((rows % 24 - 18) / 6, 0, 1))
+    place = slide((0.2, 0.0), (0.2, 0.0)) + 0.3 * share[:, None] * np.array([1.0, 0.0, 0.0])
+    actions = [event for event in events(poses(APART | {"o2": place})) if event["parent"] is None]
+    assert [event["type"] for event in actions] == ["slide_away", "set_toward"] * 8
+    assert actions[1]["text"] == "Set Shell toward Stella Artois"
+
+
+def test_a_landmark_need_only_stand_when_the_action_ends() -> None:
+    nudged = slide((-0.05, 0.0), (0.0, 0.0), 55, 70)
+    actions = [e for e in events(poses(APART | {"o3": nudged})) if e["parent"] is None]
+    assert [(e["object_id"], e["landmark"]) for e in actions] == [("o3", None), ("o2", "o3")]
+
+
 def test_boxes_that_stand_do_nothing() -> None:
     noise = np.random.default_rng(3).normal(0, 0.001, (N, 3))
     assert events(poses({"o3": APART["o3"] + noise})) == []
@@ -252,7 +268,7 @@ def test_proposals_do_not_depend_on_where_the_table_is() -> None:
 @pytest.mark.parametrize("stage", [RELATIONS, PROPOSE])
 def test_stages_run_on_tables_without_rows_and_without_what_is_optional(stage: Any) -> None:
     tables = {"clock": CLOCK, "poses": poses(APART).slice(0, 0), "table_plane": plane()}
-    ((name, made),) = stage.run(tables, stage.parameters()).items()
+    ((name, made),) = stage.run(tables, {}, stage.parameters()).items()
     assert (name,) == stage.outputs
     assert made.num_rows == 0
 

@@ -98,9 +98,9 @@ def yardstick(shared: Path) -> Yardstick:
 
 def test_standing_blocks_stand_still(real: Sessions, poses: Poses, yardstick: Yardstick) -> None:
     everything, still = yardstick(candidate(real, poses))
-    assert everything["median_rms_mm"] <= 0.5
-    assert everything["mean_rms_mm"] <= 1.45
-    assert everything["p90_rms_mm"] <= 1.2
+    assert everything["median_rms_mm"] <= 0.47
+    assert everything["mean_rms_mm"] <= 1.42
+    assert everything["p90_rms_mm"] <= 1.05
     assert everything["angle_p95_deg"] <= 0.75
     assert everything["coverage"] >= 0.995
     assert still["mean_rms_mm"] <= 0.55
@@ -111,9 +111,14 @@ def test_geometry_from_other_sessions_serves_as_well(real: Sessions, yardstick: 
     for name, session in real.items():
         others = [other.recording for key, other in real.items() if key != name]
         found[name] = solved(session, calibrate_boxes(others).prototypes)
-    everything, still = yardstick(candidate(real, found))
-    assert everything["median_rms_mm"] <= 0.55
-    assert still["mean_rms_mm"] <= 0.6
+    rows = candidate(real, found)
+    everything, still = yardstick(rows)
+    assert everything["median_rms_mm"] <= 0.5
+    assert everything["p90_rms_mm"] <= 1.05
+    assert still["mean_rms_mm"] <= 0.55
+    for name in real:
+        one = rows[(rows["action"] == name[0]) & (rows["session"] == name[1])]
+        assert yardstick(one)[1]["median_rms_mm"] <= 0.6
 
 
 def test_markers_are_where_the_poses_put_them(real: Sessions, poses: Poses) -> None:
@@ -186,8 +191,12 @@ def gap_m(a: Floats, b: Floats, half: tuple[float, float]) -> Floats:
     return np.max(found, axis=0)
 
 
+# a block that had stood was moved by the other by 1.5 mm or more, and both have come to rest
+CONTACTS = [(92, 100), (553, 557), (831, 837), (1080, 1084), (1939, 1945)]
+
+
 def test_blocks_do_not_stand_in_each_other(real: Sessions, poses: Poses) -> None:
-    """Two solid blocks of 152.4 mm; in the pushes, seen through one oblique face, they touch."""
+    """Two solid blocks of 152.4 mm; where one has pushed the other, they touch."""
     rows = candidate(real, poses)
     rows = rows[rows["observed"] & (rows["support"] == "table")]
     both = rows.pivot_table(
@@ -197,7 +206,13 @@ def test_blocks_do_not_stand_in_each_other(real: Sessions, poses: Poses) -> None
         both.xs(o, axis=1, level=1)[["x", "y", "rotation"]].to_numpy() for o in ("Shell", "Stella Artois")
     )
     gap = 1000 * gap_m(a, b, (0.0762, 0.0762))
-    assert gap.min() > -3
+    assert gap.min() > -2.5
+    at = both.index.to_frame()
+    next_to = (at["action"] == "SlideNext").to_numpy()
+    for first, last in CONTACTS:
+        touching = next_to & at["frame"].between(first, last).to_numpy()
+        assert touching.any()
+        assert -2.5 < np.median(gap[touching]) < 4
 
 
 def test_the_smoother_takes_noise_away_without_lag(

@@ -107,7 +107,7 @@ def test_following_finds_what_searching_every_image_finds() -> None:
     detector = Detector(BOXES, CAMERA)
     searched = [detector.search(image) for image in images]
     tracker = Tracker(detector, PARAMETERS)
-    followed = [tracker(image) for image in images]
+    followed = list(tracker.follow(images))
     assert faces_of(followed) == faces_of(searched)
     assert len(faces_of(searched)) > 70
     for a, b in zip(followed, searched, strict=True):
@@ -127,17 +127,39 @@ def test_the_image_is_searched_in_full_only_now_and_then(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(detector, "candidates", counted)
     tracker = Tracker(detector, TrackParameters(prototypes=BOXES, every=10))
-    for _ in range(20):
-        assert len(tracker(image_of(rng, pose_at(0.0, 2.3)))) == 3
-    assert regions == [None, None]  # nothing moves: nothing is searched in between
+    images = (image_of(rng, pose_at(0.0, 2.3)) for _ in range(20))
+    assert [len(found) for found in tracker.follow(images)] == [3] * 20
+    assert regions == [(0, 0, 480, 360)] * 2  # nothing moves: nothing is searched in between
 
 
 def test_a_box_put_into_view_is_found_in_the_same_image() -> None:
     rng = np.random.default_rng(3)
     tracker = Tracker(Detector(BOXES, CAMERA), TrackParameters(prototypes=BOXES, every=1000))
-    for _ in range(3):
-        assert not len(tracker(image_of(rng, None)))
-    assert len(tracker(image_of(rng, pose_at(0.1, 2.3)))) >= 2
+    found = [
+        len(f) for f in tracker.follow(image_of(rng, pose_at(0.1, 2.3) if i > 2 else None) for i in range(9))
+    ]
+    assert found[:3] == [0] * 3
+    assert min(found[3:]) >= 2
+
+
+def test_a_box_that_appears_while_it_moves_is_followed_back_to_its_first_image() -> None:
+    rng = np.random.default_rng(13)
+    # 12 pixels per image, from the second image that is searched only for changes
+    images = [image_of(rng, pose_at(-0.2 + 0.028 * i, 2.3) if i > 2 else None) for i in range(12)]
+    detector = Detector(BOXES, CAMERA)
+    tracker = Tracker(detector, TrackParameters(prototypes=BOXES, every=1000))
+    assert faces_of(list(tracker.follow(images))) == faces_of([detector.search(image) for image in images])
+
+
+@pytest.mark.parametrize("together", [0, 1, 2, 4])
+def test_how_many_images_are_taken_together_makes_no_difference(together: int) -> None:
+    images = film(45)
+    some = [
+        list(Tracker(Detector(BOXES, CAMERA), replace(PARAMETERS, together=n)).follow(images))
+        for n in (together, PARAMETERS.together)
+    ]
+    assert [len(found) for found in some] == [45, 45]
+    assert faces_of(some[0]) == faces_of(some[1])
 
 
 def test_the_table_is_like_an_imported_one_and_places_the_corners() -> None:
@@ -237,7 +259,7 @@ def test_images_are_looked_at_one_after_the_other_and_let_go() -> None:
                 yield image
 
     assert track_markers(Stream([rng.random(1)] * 12, CAMERA), PARAMETERS).num_rows
-    assert most <= 2
+    assert most <= PARAMETERS.together + 1
 
 
 def test_the_same_video_gives_the_same_table() -> None:

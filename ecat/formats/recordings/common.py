@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -21,7 +23,7 @@ from ecat.progress import Progress, silent
 from ecat.store import Draft, TableData, create_session
 from ecat.store.manifest import is_plain_name
 from ecat.store.media import ColorWriter, DepthWriter, annotated_stream
-from ecat.store.media.container import Decoder, media_errors, open_media, to_ns
+from ecat.store.media.container import Decoder, gray16, media_errors, open_media, to_ns
 from ecat.tables import FRAMES
 
 if TYPE_CHECKING:
@@ -31,7 +33,8 @@ Image: TypeAlias = "NDArray[Any] | VideoFrame"
 Images: TypeAlias = Callable[[], Iterable[tuple[int, Image]]]
 """Called once, when the session is written: the time of each image since the session's start in ns, and the image."""
 
-_ENCODER_THREADS = 2
+_THREADS = 2
+_AHEAD = 4  # images
 _MANY = 100  # notes kept of one session
 _TELL_EVERY = 16
 
@@ -101,8 +104,8 @@ class Track:
 
     def _writer(self, path: Path, width: int, height: int) -> Any:
         if self.stream.kind == "color":
-            return ColorWriter(path, width, height, threads=_ENCODER_THREADS)
-        return DepthWriter(path, width, height)
+            return ColorWriter(path, width, height, threads=_THREADS)
+        return DepthWriter(path, width, height, threads=_THREADS)
 
 
 def _size(image: Image) -> tuple[int, int]:
@@ -145,6 +148,19 @@ def copied_track(stream: Stream, source: Path, t_ns: Sequence[int] | NDArray[np.
     return Track(stream, source=source, t_ns=times)
 
 
+def ahead(images: Iterable[tuple[int, Image]]) -> Iterator[tuple[int, Image]]:
+    """The same images, a few of which a thread makes before they are asked for: the next are read while one is written.
+
+    What goes wrong in making an image is raised where it would have come.
+    """
+    coming = iter(images)
+    with ThreadPoolExecutor(1) as reader:
+        waiting = deque(reader.submit(next, coming, None) for _ in range(_AHEAD))
+        while (image := waiting.popleft().result()) is not None:
+            waiting.append(reader.submit(next, coming, None))
+            yield image
+
+
 @dataclass
 class Decoded:
     """The images of one video stream of a file, for an import: what cannot be decoded is left out and counted.
@@ -160,10 +176,14 @@ class Decoded:
     start_ns: int = 0
     as_depth: bool = False
     bad: int = 0
+    doubtful: int = 0
     untimed: int = 0
 
     def __call__(self) -> Iterator[tuple[int, Image]]:
         """Times since the session's start in ns, and images; those without a time get one by the declared rate."""
+        return ahead(self._images())
+
+    def _images(self) -> Iterator[tuple[int, Image]]:
         what = f"cannot import {self.path.name}"
         with open_media(self.path, what) as container:
             stream: VideoStream = container.streams[self.index]  # pyright: ignore[reportAssignmentType]
@@ -176,19 +196,20 @@ class Decoded:
                     self.untimed += 1
                     ticks = round(last + period) if last >= 0 else 0
                 last = float(ticks)
-                image = frame.to_ndarray(format="gray16le").astype(np.uint16) if self.as_depth else frame
-                yield int(to_ns(ticks, base)) - self.start_ns, image
+                yield int(to_ns(ticks, base)) - self.start_ns, gray16(frame) if self.as_depth else frame
 
     def losses(self) -> Iterator[str]:
         """What could not be decoded, a line each, once the images have been used up."""
         if self.bad:
             yield f"{self.bad} images could not be decoded and are missing"
+        if self.doubtful:
+            yield f"{self.doubtful} images that build on missing ones may look wrong"
         if self.untimed:
             yield f"{self.untimed} images carry no time; theirs follow from the declared rate"
 
     def _frames(self, stream: VideoStream, packets: Iterator[Packet[Any]]) -> Iterator[VideoFrame]:
         what = f"cannot decode {self.path.name}"
-        decoder, ended = Decoder(stream), False
+        decoder, ended, whole = Decoder(stream), False, True
         while not ended:
             try:
                 with media_errors(what, self.path):
@@ -197,14 +218,16 @@ class Decoded:
                 packet = None
             ended = packet is None or packet.size == 0
             if packet is not None and packet.is_corrupt:
-                self.bad += 1
+                self.bad, whole = self.bad + 1, False
                 continue
+            whole |= packet is not None and packet.is_keyframe
             frames: list[VideoFrame] = []
             try:
                 with media_errors(what, self.path):
                     frames = decoder.decode(None if ended else packet)
             except FormatError:
-                self.bad += not ended
+                self.bad, whole = self.bad + (not ended), ended and whole
+            self.doubtful += 0 if whole else len(frames)
             yield from frames
 
 

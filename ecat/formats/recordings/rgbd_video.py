@@ -29,7 +29,7 @@ from ecat.store.media.container import scan
 NAME = "rgbd-video"
 _COLOR, _DEPTH = ("color", "colour", "rgb"), ("depth",)
 _SOUND = {".wav": "pcm", ".flac": "flac", ".mp3": "mp3", ".m4a": "aac", ".ogg": "vorbis"}
-_WIDE = {"gray16le", "gray16be", "gray12le", "gray10le"}
+_WIDE = {"gray16le", "gray16be", "gray14le", "gray12le", "gray10le"}
 _MILLIMETRE = 0.001
 
 
@@ -140,7 +140,8 @@ def _depth(path: Path, facts: Facts, unit_m: float | None, progress: Progress) -
         track.note("camera.json has no depth_unit_m: its units were taken for millimetres")
     if found.stopped:
         track.note(f"not complete: {found.stopped}; {len(times)} images were there")
-    as_is = facts.codec == "ffv1" and "matroska" in facts.container and packets.is_key.all()
+    as_is = facts.codec == "ffv1" and facts.pix_fmt == "gray16le" and "matroska" in facts.container
+    as_is = as_is and bool(packets.is_key.all())
     if as_is and not found.stopped and not packets.n_unclear and times:
         size = {"width_px": facts.width, "height_px": facts.height, "n_frames": len(times)}
         copied = copied_track(replace(track.stream, **size), path, times)

@@ -258,3 +258,9 @@ def decoded(path: Path, what: str, index: int | None = None, *, threads: int = 1
                 for frame in decoder.decode(packet):
                     yield frame
                     n += 1
+
+
+def gray16(frame: VideoFrame) -> NDArray[np.uint16]:
+    """A decoded depth image (height, width) as its numbers are: FFmpeg would stretch 10, 12 or 14 bits to 16."""
+    own = frame.format.name.startswith("gray1")
+    return frame.to_ndarray(format=None if own else "gray16le").astype(np.uint16)

@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 
 from ecat.errors import CorruptError, FormatError, NotFoundError, UsageError
 from ecat.model import Manifest, Stream
-from ecat.store.media.container import Decoder, Packets, decoded, first_video, media_errors, open_media, scan
+from ecat.store.media.container import (
+    Decoder,
+    Packets,
+    decoded,
+    first_video,
+    gray16,
+    media_errors,
+    open_media,
+    scan,
+)
 from ecat.store.media.dep import DepthFile
 
 if TYPE_CHECKING:
@@ -327,7 +336,7 @@ class _Video:
         if self._wide or name.startswith("gray16"):
             if name == "gray16le":
                 return _plane(frame, np.dtype("<u2"))
-            return frame.to_ndarray(format=None if name == "gray16be" else "gray16le").astype(np.uint16)
+            return gray16(frame)
         if not self._gray:
             return frame.to_ndarray(format="bgr24")
         if _LUMA_FIRST.fullmatch(name):
