@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.geometry.changes import TILE_PX, Changes, Region, grown, merged, tile_means
+from ecat.geometry.changes import TILE_PX, Changes, Region, around, grown, merged, tile_means
 
 WIDTH, HEIGHT = 160, 120
 COORDINATES = st.integers(0, 40)
@@ -26,6 +26,10 @@ def test_tiles_are_means_and_an_incomplete_rim_is_cut_off() -> None:
     grey = np.repeat(np.arange(3, dtype=np.uint8) * 50, TILE_PX)[None].repeat(2 * TILE_PX + 3, 0)
     assert tile_means(np.pad(grey, ((0, 0), (0, 5)))).tolist() == [[0, 50, 100]] * 2
     assert tile_means(np.zeros((3, 100), np.uint8)).size == 0
+    noise = np.random.default_rng(1).integers(0, 256, (50, 70), dtype=np.uint8)
+    some = noise[:48:4, :64].reshape(6, 2, 8, 8).mean((1, 3))
+    assert (tile_means(noise) == np.floor(some)).all()
+    assert (tile_means(np.full((16, 24), 255, np.uint8)) == 255).all()
 
 
 def test_noise_is_no_change_and_a_patch_is_where_it_is() -> None:
@@ -65,6 +69,13 @@ def test_distant_changes_are_separate_regions() -> None:
 def test_regions_grow_up_to_the_image() -> None:
     assert grown((10, 10, 20, 20), 4.2, (100, 23)) == (5, 5, 23, 25)
     assert grown((1, 2, 3, 4), 10, (50, 60)) == (0, 0, 13, 14)
+
+
+def test_what_moved_is_looked_for_further_away() -> None:
+    ring = np.array([[40.0, 40], [60, 40], [60, 60], [40, 60]])
+    still, moving = (around(ring, np.full((4, 2), way), (100, 100)) for way in (0.0, -5.0))
+    assert still == (22, 22, 79, 79)
+    assert moving == (7, 7, 94, 94)
 
 
 @given(REGIONS)

@@ -70,13 +70,21 @@ def test_every_face_is_read_whichever_corner_comes_first(blur_px: float, mirrore
             shown = code_of(np.fliplr(cells_of(face.code))) if mirrored else face.code
             grey = photograph(rng, [shown], [ring], shape=(100, 100), blur_px=blur_px)
             rings = np.stack([np.roll(ring, -k, 0) for k in range(4)])
-            reading = read_codes(grey, outline(grey, rings, reach_px=2), book)
+            seen = outline(grey, rings, reach_px=2)
+            reading = read_codes(grey, seen, book)
             glyphs = [book.glyphs[i] for i in reading.glyph]
             assert [(g.box, g.face) for g in glyphs] == [(b, f)] * 4
             # the ring's corner with the number of the turn is the print's top left
             assert [(k + g.turn) % 4 for k, g in enumerate(glyphs)] == [0] * 4
             assert reading.certain.all()
             assert (reading.likeness > 0.97).all()
+            # where it is known what is there, nothing else is compared
+            known = read_codes(grey, seen, book, reading.glyph)
+            assert np.allclose(known.likeness, reading.likeness)
+            assert known.certain.all()
+            other = read_codes(grey, seen, book, (reading.glyph + 1) % len(book.glyphs))
+            assert (other.likeness < 0.9).all()
+            assert not other.certain.any()
 
 
 def test_a_code_with_one_other_cell_is_not_read() -> None:

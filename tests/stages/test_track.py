@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,8 @@ def image_of(
     return exposed(image, rng, blur_px=0.6)
 
 
-def film(n: int, camera: Camera = CAMERA) -> list[NDArray[np.uint8]]:
+@cache
+def film(n: int) -> list[NDArray[np.uint8]]:
     """The box stands, moves away with growing speed, turns, and is hidden for a while."""
     rng = np.random.default_rng(9)
     images: list[NDArray[np.uint8]] = []
@@ -92,7 +94,7 @@ def film(n: int, camera: Camera = CAMERA) -> list[NDArray[np.uint8]]:
         moved = 0.0 if i < 8 else min(0.0006 * (i - 8) ** 2, 0.35)
         pose = pose_at(-0.25 + moved, 2.3 + 0.02 * max(i - 20, 0))
         hidden = (0,) if 13 <= i < 17 else ((0, 1, 2) if 24 <= i < 27 else ())
-        images.append(image_of(rng, pose, camera, hidden))
+        images.append(image_of(rng, pose, hidden=hidden))
     return images
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -161,6 +162,29 @@ def ahead(images: Iterable[tuple[int, Image]]) -> Iterator[tuple[int, Image]]:
             yield image
 
 
+class _Gap:
+    """What lies between a lost image and the next that stands for itself; images come out later than packets go in."""
+
+    def __init__(self) -> None:
+        self._first = self._end = math.inf
+
+    def begins(self, packet: Packet[Any] | None) -> None:
+        """This packet's image is lost."""
+        if packet is not None and packet.pts is not None:
+            if self._end <= packet.pts:
+                self._first = self._end = math.inf
+            self._first = min(self._first, packet.pts)
+
+    def goes_on(self, packet: Packet[Any] | None) -> None:
+        """This packet was given to the decoder."""
+        if packet is not None and packet.pts is not None and packet.is_keyframe and packet.pts > self._first:
+            self._end = min(self._end, packet.pts)
+
+    def holds(self, frame: VideoFrame) -> bool:
+        """Whether the image builds on the lost one."""
+        return frame.pts is not None and self._first < frame.pts < self._end
+
+
 @dataclass
 class Decoded:
     """The images of one video stream of a file, for an import: what cannot be decoded is left out and counted.
@@ -209,7 +233,7 @@ class Decoded:
 
     def _frames(self, stream: VideoStream, packets: Iterator[Packet[Any]]) -> Iterator[VideoFrame]:
         what = f"cannot decode {self.path.name}"
-        decoder, ended, whole = Decoder(stream), False, True
+        decoder, gap, ended = Decoder(stream), _Gap(), False
         while not ended:
             try:
                 with media_errors(what, self.path):
@@ -218,16 +242,18 @@ class Decoded:
                 packet = None
             ended = packet is None or packet.size == 0
             if packet is not None and packet.is_corrupt:
-                self.bad, whole = self.bad + 1, False
+                self.bad += 1
+                gap.begins(packet)
                 continue
-            whole |= packet is not None and packet.is_keyframe
             frames: list[VideoFrame] = []
             try:
                 with media_errors(what, self.path):
                     frames = decoder.decode(None if ended else packet)
             except FormatError:
-                self.bad, whole = self.bad + (not ended), ended and whole
-            self.doubtful += 0 if whole else len(frames)
+                self.bad += not ended
+                gap.begins(packet)
+            gap.goes_on(packet)
+            self.doubtful += sum(map(gap.holds, frames))
             yield from frames
 
 

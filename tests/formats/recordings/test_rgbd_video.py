@@ -92,6 +92,7 @@ def test_it_is_told_by_the_names_in_the_folder(source: Path, tmp_path: Path) -> 
 
 
 def test_what_the_recorder_of_2015_wrote_is_not_taken_for_one(source: Path) -> None:
+    assert ECAT_RECORDER.sniff is not None
     assert not ECAT_RECORDER.sniff(source)
 
 

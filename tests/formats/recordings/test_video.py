@@ -204,7 +204,7 @@ def test_pictures_of_another_size_midway_are_left_out(tmp_path: Path, codec: str
     source.write_bytes(b"".join(part.read_bytes() for part in parts))
     report = import_source(source, tmp_path / "s")
     assert f"stream color: {N} images of another size than 64 x 48 were left out" in report.findings
-    # the last packet before the seam cannot be told from a damaged one; what builds on it is said to be in doubt
+    # the seam damages a packet before it; what builds on that is kept, and said to be in doubt
     sure = N - 2
     assert numbers(report.path)[:sure] == list(range(sure))
     assert any("1 images could not be decoded" in finding for finding in report.findings)
