@@ -27,6 +27,9 @@ LEAST_FPS, MOST_FPS = 1.0, 240.0
 """Cameras of people handling objects run at 15-120 frames per second; outside of these bounds the length or
 the duration is wrong (a duration in other units is off by a factor of a thousand)."""
 RATE_TOLERANCE = 0.02
+EVEN_SHARE, DROP_PERIODS = 0.2, 1.6
+"""A stream is even if most of its periods are so near the usual one; a period so much longer then lacks an image."""
+OFFSET_NS = 500_000_000
 NS = 1e9
 
 
@@ -114,7 +117,24 @@ def _gaps(
             f"after frame {some(frame[:-1][gap])}"
         )
         yield warning("frame-gap", place, message)
-    pause = ~gap & (periods > PAUSE_PERIODS * float(np.median(periods)))
+    still = int((periods == 0).sum())
+    if still:
+        yield warning(
+            "time-still", place, f"{still:,} of {len(frame):,} frames have the time of the one before"
+        )
+    usual = float(np.median(periods))
+    pause = ~gap & (periods > PAUSE_PERIODS * usual)
+    # a stream that numbers its own images leaves no gap in the numbers, but an even one leaves it in the times
+    even = usual > 0 and float(np.quantile(np.abs(periods - usual), 0.8)) < EVEN_SHARE * usual
+    dropped = ~gap & ~pause & (periods > DROP_PERIODS * usual) & even
+    if dropped.any():
+        lost = round(float((periods[dropped] / usual - 1).sum()))
+        yield warning(
+            "frame-drop",
+            place,
+            f"about {lost:,} images were not recorded: {int(dropped.sum()):,} periods are longer than "
+            f"{DROP_PERIODS:g} usual ones ({usual / NS:.3f} s), after frame {some(frame[:-1][dropped])}",
+        )
     if pause.any():
         message = (
             f"pauses of up to {periods[pause].max() / NS:.3f} s between consecutive frames "
@@ -132,11 +152,11 @@ def stream_drift(patient: Patient) -> Iterator[Finding]:
     if len(streams) < 2:
         return
     reference, (t0, frame0) = streams[0]
-    period = float(np.median(np.diff(t0))) if len(t0) > 1 else 0.0
+    period = _frame_period(t0, frame0)
     if period <= 0:  # findings of its own
         return
     for name, (t, frame) in streams[1:]:
-        every = float(np.median(np.diff(t))) / period if len(t) > 1 else 1.0
+        every = _frame_period(t, frame) / period if len(t) > 1 else 1.0
         if round(every) < 1 or abs(every / round(every) - 1) > RATE_TOLERANCE:
             continue  # their frames do not belong together
         common, i, j = np.intersect1d(frame0, frame * round(every), return_indices=True)
@@ -152,6 +172,34 @@ def stream_drift(patient: Patient) -> Iterator[Finding]:
                 f"against {reference} it moves from {first / NS:+.3f} s to {last / NS:+.3f} s "
                 f"over the recording, {abs(last - first) / period:.1f} frames",
             )
+
+
+def _frame_period(t: NDArray[np.int64], frame: NDArray[np.int64]) -> float:
+    """Nanoseconds from one frame number to the next, whether a stream counts its own images or those of another."""
+    if len(t) < 2:
+        return 0.0
+    return float(np.median(np.diff(t))) / max(1.0, float(np.median(np.diff(frame))))
+
+
+def stream_overlap(patient: Patient) -> Iterator[Finding]:
+    """Streams of one recording were recorded at the same time; a clock that counts from elsewhere shows at once."""
+    streams = sorted(_streams(patient).items(), key=lambda item: -len(item[1][0]))
+    if len(streams) < 2:
+        return
+    reference, (t0, _) = streams[0]
+    for name, (t, _) in streams[1:]:
+        # Python's integers: times may lie further apart than 63 bits hold
+        before, after = int(t0.min()) - int(t.max()), int(t.min()) - int(t0.max())
+        if (apart := max(before, after)) > 0:
+            yield warning(
+                "clock-apart",
+                f"table frames, stream {name}",
+                f"it {'begins' if after > 0 else 'ends'} {apart / NS:,.3f} s "
+                f"{'after the end' if after > 0 else 'before the start'} of {reference}: they never run together",
+            )
+        elif abs(late := int(t.min()) - int(t0.min())) > OFFSET_NS:
+            message = f"it begins {abs(late) / NS:,.3f} s {'after' if late > 0 else 'before'} {reference}"
+            yield note("clock-offset", f"table frames, stream {name}", message)
 
 
 def frame_counts(patient: Patient) -> Iterator[Finding]:
@@ -170,4 +218,12 @@ def frame_counts(patient: Patient) -> Iterator[Finding]:
         yield error("dangling-stream", "table frames", message)
 
 
-CLOCK = (recorded_clock, unmeasured_clock, uniform_clock, stream_frames, stream_drift, frame_counts)
+CLOCK = (
+    recorded_clock,
+    unmeasured_clock,
+    uniform_clock,
+    stream_frames,
+    stream_drift,
+    stream_overlap,
+    frame_counts,
+)

@@ -31,10 +31,10 @@ from ecat.process.inputs import (
     table_surface,
     was_tracked,
 )
-from ecat.process.proposals import PROPOSED, proposed_layer
+from ecat.process.proposals import LAYER, PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recording_of
 from ecat.progress import Progress, silent
-from ecat.store import Session, TableData, open_session
+from ecat.store import Commit, Session, TableData, open_session
 
 if TYPE_CHECKING:
     from ecat.stages.stage import Stage
@@ -128,7 +128,9 @@ def _why_not(stage: Stage, session: Session) -> str:
     """Why a stage cannot apply to a session as it is; empty if it can."""
     for kind in stage.images:
         if kind not in stage.optional and image_stream(session, kind) is None:
-            return f"no {kind} video in this session"
+            there = any(stream.kind == kind and stream.present for stream in session.manifest.streams)
+            unknown = f"nothing is known of the {kind} camera: its calibration is needed to measure"
+            return unknown if there else f"no {kind} video in this session"
     if "tracks_2d" in stage.outputs and not shapes_for(session, stage):
         return "nobody drew a shape in the images"
     imported = (session.manifest.table(name) for name in stage.outputs)
@@ -259,9 +261,24 @@ class _Run:
                     ),
                 )
             if PROPOSED & made.keys():
-                commit.put_layer(proposed_layer(session, made, boxes))
+                self._propose(commit, made, boxes)
         self.ran.append(stage.name)
+        if "table_plane" in made and (rows := made["table_plane"].num_rows) > 1:
+            moved = ", ".join(map(str, made["table_plane"]["frame"].to_pylist()[1:]))
+            self.findings.append(
+                f"the camera moved: the table was fitted {rows} times, anew from frame {moved}"
+            )
         self._say(stage.name)
+
+    def _propose(self, commit: Commit, made: Mapping[str, pa.Table], boxes: Sequence[BoxPrototype]) -> None:
+        """Renew the layer of proposals, unless a person has decided about some of them."""
+        if decided := decisions(self._session):
+            self.findings.append(
+                f"the layer {LAYER} has {decided} that people confirmed, and was left as it is; move those to a layer "
+                f"of their own, and remove annotations/{LAYER}.xml, to see new proposals"
+            )
+        else:
+            commit.put_layer(proposed_layer(self._session, made, boxes))
 
     def keep_prototypes(self) -> None:
         """Keep boxes that were given even if no stage had to run for them."""
@@ -284,9 +301,11 @@ class _Run:
             if not kept and ("markers_2d" in stage.outputs or not has_marks(self._session)):
                 return NOMINAL_BOXES  # to be measured, and kept, once their marks are known
             self._prototypes = kept or self._calibrated()
-        return self._prototypes
+        # nominal ones are not kept: with other sessions, or more marks, they may still be measured
+        return self._prototypes or NOMINAL_BOXES
 
     def _calibrated(self) -> tuple[BoxPrototype, ...]:
+        """The boxes of the session, measured; none if they cannot be."""
         self._say("calibrating the boxes")
         recording = recording_of(self._session, table_surface(self._session))
         try:
@@ -294,7 +313,7 @@ class _Run:
                 return boxes_in([recording], self._session)
         except InputError as error:
             self.findings.append(f"{error.what}: {error.where}; nominal boxes were used")
-        return NOMINAL_BOXES
+        return ()
 
 
 def _computed(session: Session, stage: Stage, parameters: Any) -> dict[str, pa.Table]:

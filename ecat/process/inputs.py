@@ -93,7 +93,8 @@ def stage_images(session: Session, stage: Stage) -> Generator[dict[str, Images]]
             stream = image_stream(session, kind)
             if stream is not None:
                 # colour tells nothing that grey does not, and costs three times as much
-                images = open_images(session, stream.name, gray=kind == "color")
+                threads = 2 if kind == "depth" else 1  # lossless depth takes four times as long to decode
+                images = open_images(session, stream.name, gray=kind == "color", threads=threads)
                 found[kind] = opened.enter_context(images)
         yield found
 
@@ -136,15 +137,14 @@ def clock_table(session: Session) -> pa.Table:
 
 
 def _recorded_times(session: Session) -> dict[int, int | None] | None:
-    """Frame and time of every image of the colour stream; None without a recorded clock."""
+    """Frame and time of every image of the annotated video; None without a recorded clock."""
     if session.manifest.clock.rule != "recorded" or not session.has_table("frames"):
         return None
-    colour = [stream.name for stream in session.manifest.streams if stream.kind == "color"]
+    video = annotated_stream(session.manifest)
     rows = session.table("frames").to_arrow()
     frame, t_ns = (np.asarray(rows[name]).tolist() for name in ("frame", "t_ns"))
     names = rows["stream"].to_pylist()
-    chosen = next((name for name in colour if name in names), None)
-    return {f: t for f, t, name in zip(frame, t_ns, names, strict=True) if name == chosen}
+    return {f: t for f, t, name in zip(frame, t_ns, names, strict=True) if video and name == video.name}
 
 
 def input_hashes(session: Session, stage: Stage) -> dict[str, str]:

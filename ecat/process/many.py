@@ -63,6 +63,8 @@ def process_sessions(
 ) -> list[Outcome]:
     """Process several sessions; what stops one does not stop the others.  The outcomes are in the order of ``paths``.
 
+    A fault of ecat itself is an outcome as well, unless there is one session only: there it is raised as it is.
+
     Each session commits by itself, so that after an interruption another call does what is left.  Sessions without
     boxes of their own get those that all sessions of their camera show (:func:`calibrate_together`).
 
@@ -93,6 +95,8 @@ def process_sessions(
         )
         for path in paths
     ]
+    if len(tasks) == 1:
+        return [_attempt(tasks[0], progress)]
     jobs = usual_jobs(len(tasks)) if jobs is None else min(jobs, len(tasks))
     if jobs > 1:
         return _side_by_side(tasks, jobs, name, progress)
@@ -100,13 +104,18 @@ def process_sessions(
 
 
 def _within(progress: Progress, name: str, index: int, n_sessions: int) -> Progress:
-    """The same, with the session's name in front where there are several."""
-    if n_sessions == 1:
-        return progress
+    """The same, with the session's name in front."""
     return lambda what, done, total: progress(f"{name} ({index + 1} of {n_sessions}): {what}", done, total)
 
 
 def _outcome(task: _Task, progress: Progress = silent) -> Outcome:
+    try:
+        return _attempt(task, progress)
+    except Exception as error:  # noqa: BLE001  a fault met in one session is no reason to leave out the others
+        return Outcome(path=task.path, error=_fault(task.path, error))
+
+
+def _attempt(task: _Task, progress: Progress) -> Outcome:
     try:
         report = process_session(
             task.path,
@@ -118,8 +127,6 @@ def _outcome(task: _Task, progress: Progress = silent) -> Outcome:
         )
     except EcatError as error:
         return Outcome(path=task.path, error=error)
-    except Exception as error:  # noqa: BLE001  a fault met in one session is no reason to leave out the others
-        return Outcome(path=task.path, error=_fault(task.path, error))
     return Outcome(path=task.path, report=report)
 
 
@@ -184,10 +191,10 @@ def _pool(jobs: int) -> Generator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
         for child in set(multiprocessing.active_children()) - others:
             child.terminate()
-            child.join()
+        # the pool waits for its processes in a thread of its own; of two that wait for one, only one hears of its end
+        pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
 

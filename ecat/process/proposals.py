@@ -45,7 +45,15 @@ def machine_layer(
     named |= {target for relation in relations for target in relation.targets}
     named |= {role.target.split("/")[0] for event in events for role in event.roles}
     known = {thing.id: replace(thing, key_frames=(), key_frames_3d=()) for thing in objects}
-    kept = tuple(known.get(name, AnnotatedObject(id=name, origin="tracked")) for name in sorted(named))
+    kept = tuple(
+        known.get(
+            name,
+            AnnotatedObject(
+                id=name, name=name, kind="rig" if name.startswith("body_") else "other", origin="tracked"
+            ),
+        )
+        for name in sorted(named)
+    )
     return Layer(
         name=LAYER, object_counter=len(kept), event_counter=len(events), objects=kept, events=events,
         relations=relations,
@@ -139,6 +147,14 @@ def _segments(rows: Iterable[_Row]) -> tuple[Segment, ...]:
         else:
             found.append(stretch)
     return tuple(found)
+
+
+def decisions(session: Session) -> int:
+    """How many events and relations of the layer ``machine`` are no longer mere proposals."""
+    if session.manifest.layer(LAYER) is None:
+        return 0
+    layer = session.layer(LAYER)
+    return sum(item.status != "proposed" for item in (*layer.events, *layer.relations))
 
 
 def proposed_layer(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from dataclasses import fields as fields_of
 from itertools import combinations
@@ -30,6 +30,9 @@ NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "residual_px", "sigma_m", "sig
 LISTS = {"covariance": 21, "alternative": 7}
 UPPER = np.triu_indices(6)
 """Rows and columns of the 21 numbers of a covariance (6, 6)."""
+
+
+_FRAMES_AT_ONCE = 2048
 
 
 @dataclass(frozen=True)
@@ -94,14 +97,24 @@ def estimate_poses(
     faces = read_faces(markers_2d, markers_3d, parameters.camera, face_planes)
     boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
     tables = table_frames(table_plane)
-    ends = [*(first for first, _ in tables[1:]), np.iinfo(np.int64).max]
     parts: list[list[BoxPoses]] = []
-    for (_, table), first, end in zip(tables, [np.iinfo(np.int64).min, *ends], ends, strict=False):
+    for table, first, end in _stretches(tables, boxes):
         shown = [_within(box, first, end) for box in boxes]
         found = [_placed(box, parameters, table) for box in shown]
         parts.append(_solid(shown, found, parameters, table))
     whole = [_joined([part[i] for part in parts]) for i in range(len(boxes))]
     return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, whole, strict=True)])
+
+
+def _stretches(
+    tables: Sequence[tuple[int, Rigid]], boxes: Sequence[BoxSightings]
+) -> Iterator[tuple[Rigid, int, int]]:
+    """The frames from first to end, each with its table, in pieces whose equations fit into little memory."""
+    end = max((int(box.frame[-1]) + 1 for box in boxes if len(box.frame)), default=1)
+    starts = [0, *(first for first, _ in tables[1:] if first < end), end]
+    for (_, table), start, stop in zip(tables, starts, starts[1:], strict=False):
+        for first in range(start, stop, _FRAMES_AT_ONCE):
+            yield table, first, min(first + _FRAMES_AT_ONCE, stop)
 
 
 def _within(box: BoxSightings, first: int, end: int) -> BoxSightings:

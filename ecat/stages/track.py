@@ -22,6 +22,7 @@ from ecat.geometry.changes import TILE_PX, Changes, Region, around, grown, merge
 from ecat.geometry.detection import Detector, Evidence, Found, face_keys, places, same_place
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype, MarkerFace
+from ecat.stages.depth_gauge import DepthGauge
 from ecat.stages.images import Images, ImagesByKind
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import MARKERS_2D
@@ -31,6 +32,7 @@ _SAME_PX = 2.0
 # how far from where it is expected a face is that keeps moving as it did; others are measured once more
 _STEADY_PX = 3.0
 _ORIGIN, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+_KEPT_APART = 512
 _NO_RINGS: Floats = np.empty((0, 4, 2))
 
 Believable: TypeAlias = Callable[[int, Found], NDArray[np.bool_]]
@@ -278,14 +280,29 @@ def track_markers(
     detector = Detector(
         parameters.prototypes, color.camera, mirrored=parameters.mirrored, evidence=parameters.evidence
     )
-    gauge = None if depth is None else _DepthGauge(detector, color, depth, parameters)
+    gauge = (
+        None
+        if depth is None
+        else DepthGauge(
+            detector, color, depth, depth_m=parameters.depth_m, depth_share=parameters.depth_share
+        )
+    )
     tracker = Tracker(detector, parameters, gauge)
     images: list[NDArray[np.int64]] = []
     found: list[Found] = []
+    joined = 0
     for i, faces in enumerate(tracker.follow(map(_grey, color))):
         if len(faces):
             images.append(np.full(len(faces), i))
             found.append(faces)
+        if (
+            len(found) - joined >= _KEPT_APART
+        ):  # an hour of small arrays is many times as large as its numbers
+            found[joined:], images[joined:] = (
+                [Found.joined(found[joined:])],
+                [np.concatenate(images[joined:])],
+            )
+            joined += 1
     if not found:
         return MARKERS_2D.arrow.empty_table()
     return _table(np.concatenate(images), Found.joined(found), detector, color, parameters)
@@ -308,42 +325,6 @@ def _grey(image: NDArray[Any]) -> NDArray[np.uint8]:
     import cv2
 
     return np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-
-
-class _DepthGauge:
-    """Whether faces are as far away as their size says, by the depth image taken nearest in time."""
-
-    def __init__(self, detector: Detector, color: Images, depth: Images, parameters: TrackParameters) -> None:
-        self._detector, self._depth, self._parameters = detector, depth, parameters
-        timed = color.t_ns is not None and depth.t_ns is not None
-        when, there = (color.t_ns, depth.t_ns) if timed else (color.frame, depth.frame)
-        self._when = np.asarray(when, np.int64)
-        self._there = np.asarray(there, np.int64)
-
-    def __call__(self, image: int, found: Found) -> NDArray[np.bool_]:
-        camera, parameters = self._depth.camera, self._parameters
-        fine = np.ones(len(found), bool)
-        if camera is None or self._detector.camera is None or not len(self._there):
-            return fine
-        nearest = int(np.argmin(np.abs(self._there - self._when[image])))
-        measured = next(iter(self._depth.read([nearest])), None)
-        if measured is None:
-            return fine
-        # both poses of a square are equally far away
-        centre = self._detector.poses(found)[0].translation
-        distance = camera.from_reference.apply(centre)[:, 2]
-        pixels = camera.project(centre)
-        for i, (u, v) in enumerate(pixels):
-            inside = np.isfinite(u) and 0 <= u < measured.shape[1] and 0 <= v < measured.shape[0]
-            if not inside:
-                continue
-            column, row = round(float(u)), round(float(v))
-            patch = measured[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
-            if (patch > 0).any():
-                depth_m = float(np.median(patch[patch > 0])) * self._depth.unit_m
-                allowed = parameters.depth_m + parameters.depth_share * depth_m
-                fine[i] = abs(distance[i] - depth_m) <= allowed
-        return fine
 
 
 def _seen_enough(images: NDArray[np.int64], n_images: int, parameters: TrackParameters) -> bool:

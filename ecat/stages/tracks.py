@@ -138,14 +138,16 @@ _NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "sigma_m")
 def read_hands(
     joints: pa.Table | None, table_plane: pa.Table, line: Timeline, names: Sequence[str]
 ) -> list[HandTrack]:
-    """The named joints of every annotated rig, in the ``table`` frame; bodies without a rig are left out."""
+    """The named joints of every rig, in the ``table`` frame; a body that nobody annotated is the rig ``body_N``."""
     if joints is None or not joints.num_rows:
         return []
-    kept = joints.filter(
-        pc.and_(
-            pc.is_in(joints["joint"].cast(pa.string()), value_set=pa.array(list(names), pa.string())),
-            pc.is_valid(joints["object_id"]),
-        )
+    wanted = pa.array(list(names), pa.string())
+    kept = joints.filter(pc.is_in(joints["joint"].cast(pa.string()), value_set=wanted))
+    bodies = pa.array([f"body_{body}" for body in kept["body"].to_pylist()], pa.string())
+    kept = kept.set_column(
+        kept.schema.get_field_index("object_id"),
+        "object_id",
+        pc.coalesce(kept["object_id"].cast(pa.string()), bodies),
     )
     owner = np.array([f"{a}/{b}" for a, b in zip(*_words(kept, "object_id", "joint"), strict=True)], object)
     frame = np.asarray(kept["frame"].to_numpy(), np.int64)

@@ -73,6 +73,9 @@ def test_streams_whose_time_stands_still_are_no_reason_to_fail(case: Case) -> No
 
     case.change("frames", stop)
     assert "clock-drift" not in codes(case)
+    (found,) = [finding for finding in examine(case.patient) if finding.code == "time-still"]
+    assert found.place == "table frames, stream color"
+    assert found.message == "119 of 120 frames have the time of the one before"
 
 
 @pytest.mark.parametrize("edge", [2**63 - 1, -(2**63)])
@@ -156,6 +159,27 @@ def test_streams_that_drift_apart_by_a_frame_are_found(case: Case) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("shift_s", "message"),
+    [
+        (1000, "it begins 996.037 s after the end of color: they never run together"),
+        (-1000, "it ends 996.029 s before the start of color: they never run together"),
+    ],
+)
+def test_streams_that_never_run_together_are_found(case: Case, shift_s: int, message: str) -> None:
+    def apart(columns: dict[str, Any]) -> None:
+        rows = zip(columns["t_ns"], columns["frame"], columns["stream"], strict=True)
+        moved = sorted(
+            (t + shift_s * SECOND * (stream == "depth"), frame, stream) for t, frame, stream in rows
+        )
+        columns["t_ns"], columns["frame"], columns["stream"] = map(list, zip(*moved, strict=True))
+
+    case.change("frames", apart)
+    (finding,) = examine(case.patient)
+    assert (finding.severity, finding.code) == ("warning", "clock-apart")
+    assert (finding.place, finding.message) == ("table frames, stream depth", message)
+
+
 def test_streams_with_another_number_of_frames_than_declared_are_found(case: Case) -> None:
     color = replace(case.manifest.streams[0], n_frames=121)
     case.manifest = replace(case.manifest, streams=(color, case.manifest.streams[1]))
@@ -165,3 +189,29 @@ def test_streams_with_another_number_of_frames_than_declared_are_found(case: Cas
 def test_times_of_a_stream_that_the_session_does_not_have_are_an_error(case: Case) -> None:
     case.manifest = replace(case.manifest, streams=case.manifest.streams[:1])
     assert codes(case) == ["dangling-stream"]
+
+
+def test_images_that_an_even_stream_did_not_record_are_found(case: Case) -> None:
+    def drop(columns: dict[str, Any]) -> None:
+        rows = list(zip(columns["t_ns"], columns["frame"], columns["stream"], strict=True))
+        kept = [row for row in rows if row[2] != "depth" or row[1] not in {20, 50}]
+        number = iter(range(len(kept)))
+        depth = {row: next(number) for row in kept if row[2] == "depth"}
+        rows = [(t, depth.get((t, f, s), f), s) for t, f, s in kept]
+        columns["t_ns"], columns["frame"], columns["stream"] = map(list, zip(*rows, strict=True))
+
+    case.change("frames", drop)
+    (found,) = (finding for finding in examine(case.patient) if finding.code == "frame-drop")
+    assert found.message.startswith("about 2 images were not recorded")
+    assert found.place == "table frames, stream depth"
+
+
+def test_a_stream_that_begins_late_is_told(case: Case) -> None:
+    def late(columns: dict[str, Any]) -> None:
+        rows = zip(columns["t_ns"], columns["frame"], columns["stream"], strict=True)
+        moved = sorted((t + 1_000_000_000 * (s == "depth"), f, s) for t, f, s in rows)
+        columns["t_ns"], columns["frame"], columns["stream"] = map(list, zip(*moved, strict=True))
+
+    case.change("frames", late)
+    (found,) = (finding for finding in examine(case.patient) if finding.code == "clock-offset")
+    assert (found.severity, found.message.startswith("it begins 1.0")) == ("note", True)

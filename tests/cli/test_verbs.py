@@ -302,7 +302,8 @@ def test_process_says_why_a_film_is_not_processed(ecat: Ecat, tmp_path: Path) ->
     result = ecat("process", tmp_path / "film")
     assert (result.code, result.err) == (0, "")
     assert result.out == (
-        f"{tmp_path / 'film'}: not applicable: track (no color video in this session); "
+        f"{tmp_path / 'film'}: not applicable: track, hull (no color video in this session); "
+        "not applicable: face_planes, outline (no depth video in this session); "
         "not applicable: plane, pose, relations, propose (no markers in this session)\n"
     )
 

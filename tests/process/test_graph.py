@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from ecat.errors import InputError, LimitError, UsageError
-from ecat.model import Clock, KeyFrame, Layer
+from ecat.model import Clock, KeyFrame, Layer, Manifest, Stream
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.process import process_session, stage_names, stale_tables
 from ecat.process.inputs import clock_table
@@ -133,10 +133,23 @@ def test_stages_do_not_apply_to_a_session_without_markers(tmp_path: Path) -> Non
     report = process_session(tmp_path / "bare", smooth=True, prototypes=NOMINAL_BOXES)
     assert (report.ran, report.skipped) == ((), ())
     why = dict(report.not_applicable)
-    assert why.pop("track") == "no color video in this session"
+    assert {why.pop(name) for name in ("track", "hull")} == {"no color video in this session"}
+    assert {why.pop(name) for name in ("face_planes", "outline")} == {"no depth video in this session"}
     assert list(why) == ["plane", "pose", "smooth", "relations", "propose"]
     assert all(reason.startswith("no markers in this session") for reason in why.values())
     assert open_session(tmp_path / "bare").manifest == before
+
+
+def test_depth_of_an_unknown_camera_is_there_and_measures_nothing(tmp_path: Path) -> None:
+    depth = Stream(name="depth", kind="depth", file="media/depth.mkv", depth_unit_m=0.001)
+
+    def write(path: Path) -> None:
+        path.write_bytes(b"never looked at")
+
+    manifest = Manifest(name="s", created="2026", streams=(depth,))
+    create_session(tmp_path / "s", Draft(manifest=manifest, media={"depth": write}))
+    why = process_session(tmp_path / "s").not_applicable
+    assert why["face_planes"] == "nothing is known of the depth camera: its calibration is needed to measure"
 
 
 def test_poses_from_elsewhere_are_smoothed_even_without_markers(session: Session, tmp_path: Path) -> None:
@@ -145,7 +158,7 @@ def test_poses_from_elsewhere_are_smoothed_even_without_markers(session: Session
         commit.put_table("poses", poses)
     report = process_session(tmp_path / "bare", smooth=True)
     assert report.ran == ("smooth",)
-    assert list(report.not_applicable) == ["track", "plane", "pose", "relations", "propose"]
+    assert list(report.not_applicable) == [name for name in stage_names() if name != "smooth"]
 
 
 def test_prototypes_are_kept_by_the_commit_of_the_first_stage_that_uses_them(
@@ -249,3 +262,24 @@ def test_more_frames_than_memory_holds_are_refused(tmp_path: Path) -> None:
     create_session(tmp_path / "long", replace(draft, manifest=replace(draft.manifest, n_frames=20_000_000)))
     with pytest.raises(LimitError, match="cannot process"):
         clock_table(open_session(tmp_path / "long"))
+
+
+def test_what_people_confirmed_among_the_proposals_is_never_overwritten(session: Session) -> None:
+    layer = session.layer("machine")
+    confirmed = replace(layer.events[0], status="confirmed")
+    edit(session, replace(layer, events=(confirmed, *layer.events[1:])))
+    report = process_session(session.path, force=True)
+    assert session.refresh().layer("machine").events[0] == confirmed
+    assert any("people confirmed" in finding for finding in report.findings)
+
+
+def test_boxes_that_cannot_be_measured_are_not_kept_as_if_they_were(tmp_path: Path) -> None:
+    draft, _ = sample_session(seed=1, actions=("next",))
+    data = draft.tables["markers_2d"].data
+    assert isinstance(data, pa.Table)
+    few = {"markers_2d": TableData(data=data.slice(0, 8))}
+    create_session(tmp_path / "s", replace(draft, tables=few))
+    report = process_session(tmp_path / "s")
+    assert any("nominal boxes were used" in finding for finding in report.findings)
+    assert open_session(tmp_path / "s").manifest.prototypes == ()
+    assert process_session(tmp_path / "s").ran == ()

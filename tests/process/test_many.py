@@ -87,7 +87,7 @@ def test_an_interruption_ends_the_other_processes(paths: list[Path]) -> None:
     import multiprocessing
 
     def stop(what: str, done: int, total: int) -> None:
-        if done == 1 and what == "d":
+        if done == 1 and what in {"a", "b", "c", "d"}:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -154,6 +154,17 @@ def test_a_fault_in_one_session_does_not_stop_the_others(
     assert isinstance(error, EcatError)
     assert error.what == "this is a bug in ecat: ZeroDivisionError"
     assert "test_many.py, line" in error.where
+
+
+def test_a_fault_in_the_only_session_is_shown_whole(
+    paths: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(path: Path, **_: object) -> ProcessReport:
+        raise ZeroDivisionError(path)
+
+    monkeypatch.setattr(many, "process_session", fail)
+    with pytest.raises(ZeroDivisionError):
+        process_sessions(paths[:1])
 
 
 def test_an_unknown_stage_is_said_before_anything_is_done(paths: list[Path]) -> None:

@@ -169,14 +169,14 @@ class _Gap:
         self._first = self._end = math.inf
 
     def begins(self, packet: Packet[Any] | None) -> None:
-        """This packet's image is lost."""
+        """The image of this packet is lost."""
         if packet is not None and packet.pts is not None:
             if self._end <= packet.pts:
                 self._first = self._end = math.inf
             self._first = min(self._first, packet.pts)
 
     def goes_on(self, packet: Packet[Any] | None) -> None:
-        """This packet was given to the decoder."""
+        """The decoder was given this packet."""
         if packet is not None and packet.pts is not None and packet.is_keyframe and packet.pts > self._first:
             self._end = min(self._end, packet.pts)
 
@@ -320,7 +320,11 @@ def _finished(manifest: Manifest, tracks: Sequence[Track], notes: Sequence[str])
     return replace(
         manifest,
         n_frames=(video.n_frames or 0) if video else 0,
-        clock=replace(manifest.clock, duration_ns=max(last, 0) if last is not None else None),
+        clock=replace(
+            manifest.clock,
+            rule="recorded" if last is not None else "unknown",
+            duration_ns=max(last, 0) if last is not None else None,
+        ),
         provenance=replace(
             manifest.provenance,
             notes=(*found[:_MANY], *([f"and {rest} more like these"] if rest > 0 else [])),

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import EcatError, FormatError, LimitError
 from ecat.formats.format import Format, ImportOptions, ImportReport
+from ecat.formats.recordings import rgbd_video
 from ecat.formats.recordings.common import Track, color_track, depth_track
 from ecat.formats.recordings.image_files import image_source, is_image, read_header, read_image
 from ecat.formats.recordings.known_cameras import (
@@ -66,13 +67,18 @@ class ImageSet:
 
 
 def sniff(path: Path) -> bool:
-    """Whether it is an image, or a folder that has some in it or in folders named for colour or depth."""
+    """Whether it is an image, or a folder that has some in it or in folders named for colour or depth.
+
+    A picture beside the videos of a recording, for instance of its first moment, is not what was recorded.
+    """
     if path.is_file():
         return is_image(path)
     try:
         if (path / "rgb.txt").exists() or (path / "depth.txt").exists():  # TUM RGB-D
             return False
         color, depth = _role_folders(path)
+        if color is None and depth is None and rgbd_video.sniff(path):
+            return False
         return any(is_image(file) for folder in (path, color, depth) if folder for file in folder.iterdir())
     except OSError:
         return False

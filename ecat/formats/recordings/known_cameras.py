@@ -17,6 +17,8 @@ CALIBRATION_FILES = ("intrinsics.json", "camera.json", "camera_intrinsic.json")
 KINECT_V1_PX = (640, 480)
 TUM_UNIT_M = 1 / 5000
 _MAX_BYTES = 1 << 20
+_MAX_SIDE_PX = 1 << 16
+_ASPECT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -131,10 +133,24 @@ def parse_calibration(
             continue
         problems = list(camera_problems(made))
         notes += [f"{name}: the {camera} camera is unknown: {problem}" for problem in problems]
+        notes += [] if problems else _shape_note(name, camera, fields, size)
         cameras += [] if problems else [made]
     if len(cameras) == 1:
         cameras = [replace(cameras[0], reference="")]
-    return Calibration(tuple(cameras), _unit(document), tuple(notes))
+    unit = _unit(document)
+    given = next((key for key in ("depth_unit_m", "depth_scale") if key in document), None)
+    if has_depth and unit is None and given is not None:
+        notes.append(f"{name}: {given} is not used, as it says nothing between 1e-6 and 1 m per unit")
+    return Calibration(tuple(cameras), unit, tuple(notes))
+
+
+def _shape_note(name: str, camera: str, fields: Any, size: tuple[int, int]) -> list[str]:
+    """What to tell of a calibration for images of another shape, which scaling alone does not explain."""
+    width, height = int(fields.get("width", size[0])), int(fields.get("height", size[1]))
+    if abs(size[0] * height / (size[1] * width) - 1) <= _ASPECT_TOLERANCE:
+        return []
+    told = f"calibrated for images of {width} x {height}, and these are {size[0]} x {size[1]}"
+    return [f"{name}: the {camera} camera was {told}: it is wrong if they are only a part of what it saw"]
 
 
 def _unit(document: Mapping[str, Any]) -> float | None:
@@ -152,8 +168,11 @@ def _unit(document: Mapping[str, Any]) -> float | None:
 def _camera(camera: str, fields: Any, size: tuple[int, int], source: str, *, reference: str) -> Camera:
     fx, fy, cx, cy = _pinhole(fields)
     width, height = int(fields.get("width", size[0])), int(fields.get("height", size[1]))
-    if width <= 0 or height <= 0:
-        raise ValueError(f"width {width}, height {height}")
+    if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
+        raise ValueError(f"width and height: expected 1 to {_MAX_SIDE_PX} pixels")
+    mirrored = fields.get("mirrored", False)
+    if not isinstance(mirrored, bool):  # "false" would count as true
+        raise TypeError("mirrored: expected true or false")
     # the same lens, read out at another size
     sx, sy = size[0] / width, size[1] / height
     qx, qy, qz, qw = (float(v) for v in fields.get("rotation", (0.0, 0.0, 0.0, 1.0)))
@@ -166,7 +185,7 @@ def _camera(camera: str, fields: Any, size: tuple[int, int], source: str, *, ref
         fy_px=fy * sy,
         cx_px=(cx + 0.5) * sx - 0.5,
         cy_px=(cy + 0.5) * sy - 0.5,
-        mirrored=bool(fields.get("mirrored", False)),
+        mirrored=mirrored,
         distortion=tuple(float(v) for v in fields.get("distortion", ())),
         reference=reference,
         rotation=(qx, qy, qz, qw) if reference else (0.0, 0.0, 0.0, 1.0),

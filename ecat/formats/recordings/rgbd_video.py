@@ -24,6 +24,7 @@ from ecat.formats.recordings.known_cameras import read_calibration
 from ecat.formats.recordings.video import SUFFIXES, Facts, color_video, video_facts
 from ecat.model import Stream
 from ecat.progress import Progress
+from ecat.store import files
 from ecat.store.media.container import scan
 
 NAME = "rgbd-video"
@@ -57,10 +58,11 @@ def _files(folder: Path) -> _Folder:
 
 def sniff(path: Path) -> bool:
     """Whether it is a folder with a video called color (rgb) or depth."""
-    if not path.is_dir():
+    try:
+        found = _files(path) if path.is_dir() else None
+    except OSError:
         return False
-    found = _files(path)
-    return found.color is not None or found.depth is not None
+    return found is not None and (found.color is not None or found.depth is not None)
 
 
 def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport:
@@ -68,15 +70,20 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
 
     Raises
     ------
-    FormatError : there is no such video, one cannot be read, or the depth has lost its 16 bits.
+    FormatError : there is no such video, none can be read, or the depth has lost its 16 bits.
     LimitError : images of more pixels than ecat reads.
     """
     del options
     what = f"cannot import {source.name}"
-    found = _files(source)
-    color = video_facts(found.color, what) if found.color is not None else None
-    depth = _depth_facts(found.depth, what) if found.depth is not None else None
+    with files.typed_errors(what, source, "nothing was written"):
+        found = _files(source)
+    lost: list[FormatError] = []
+    color, depth = (_facts(path, what, lost) for path in (found.color, found.depth))
+    if depth is not None and found.depth is not None:
+        _require_16_bits(depth, found.depth, what)
     facts = [one for one in (color, depth) if one is not None]
+    if lost and not facts:
+        raise lost[0]
     if not facts:
         raise FormatError(
             what,
@@ -86,7 +93,7 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     start_ns = min(one.start_ns for one in facts)
     sizes = [None if one is None else (one.width, one.height) for one in (color, depth)]
     calibration = read_calibration(source, *sizes)
-    notes = list(calibration.notes)
+    notes = [*(f"not imported: {error.where}" for error in lost), *calibration.notes]
     if not calibration.cameras:
         notes.append("the cameras are unknown: write camera.json beside the videos to measure in space")
     tracks: list[Track] = []
@@ -117,15 +124,24 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     )
 
 
-def _depth_facts(path: Path, what: str) -> Facts:
-    facts = video_facts(path, what)
+def _facts(path: Path | None, what: str, lost: list[FormatError]) -> Facts | None:
+    """What is known of a video; of one that cannot be read, nothing, and why."""
+    if path is None:
+        return None
+    try:
+        return video_facts(path, what)
+    except FormatError as error:
+        lost.append(error)
+        return None
+
+
+def _require_16_bits(facts: Facts, path: Path, what: str) -> None:
     if facts.pix_fmt not in _WIDE:
         raise FormatError(
             what,
             where=f"{path.name}: its images are {facts.pix_fmt}, not grey with 16 bits",
             fix="write depth without loss: ffmpeg -i frames_%05d.png -c:v ffv1 -pix_fmt gray16le depth.mkv",
         )
-    return facts
 
 
 def _depth(path: Path, facts: Facts, unit_m: float | None, progress: Progress) -> Track:

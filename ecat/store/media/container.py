@@ -40,9 +40,11 @@ def media_errors(what: str, path: Path, *, done: Callable[[], str] = lambda: "")
 
     try:
         yield
-    except OSError as error:
-        raise os_error(error, what, path) from error
-    except (av_errors.FFmpegError, EOFError) as error:
+    except (av_errors.FFmpegError, EOFError, OSError) as error:
+        # FFmpeg says "input/output error" of a header that breaks off
+        of_format = isinstance(error, EOFError) or getattr(error, "errno", None) == errno.EIO
+        if isinstance(error, OSError) and not of_format:
+            raise os_error(error, what, path) from error
         where = "; ".join(part for part in (f"{path.name}: {_reason(error)}", done()) if part)
         raise FormatError(what, where=where) from error
 

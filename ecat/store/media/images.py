@@ -302,6 +302,10 @@ class _Video:
         if not indices:
             return
         times = self._packets.shown_pts
+        # a file may hold less than was recorded; whoever asks is told when it ends
+        indices = [i for i in indices if i < len(times) + self._packets.n_unclear]
+        if not indices:
+            return
         if self._packets.n_unclear or (np.diff(times) == 0).any():
             # without a time of its own for each image, counting is the only way to find one
             yield from self._counted(set(indices))

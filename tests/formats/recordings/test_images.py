@@ -143,6 +143,39 @@ def test_a_calibration_that_is_none_is_told_and_gives_no_camera(document: object
     assert found.notes
 
 
+_PINHOLE: dict[str, object] = {"fx": 50, "fy": 51, "cx": 30, "cy": 20}
+
+
+@pytest.mark.parametrize("mirrored", ["false", "no", 0, 1, None, []])
+def test_what_only_looks_like_true_or_false_does_not_mirror_a_camera(mirrored: object) -> None:
+    found = parse_calibration(_PINHOLE | {"mirrored": mirrored}, "camera.json", (64, 48), None)
+    assert found.cameras == ()
+    assert "mirrored: expected true or false" in found.notes[0]
+
+
+@pytest.mark.parametrize("width", [0, -64, 1e308, 70_000])
+def test_a_calibration_for_images_that_no_camera_has_is_not_scaled(width: float) -> None:
+    found = parse_calibration(_PINHOLE | {"width": width, "height": 48}, "camera.json", (64, 48), None)
+    assert found.cameras == ()
+    assert "expected 1 to 65536 pixels" in found.notes[0]
+
+
+def test_a_calibration_for_images_of_another_shape_is_told() -> None:
+    scaled = parse_calibration(_PINHOLE | {"width": 128, "height": 96}, "camera.json", (64, 48), None)
+    assert scaled.notes == ()
+    (note,) = parse_calibration(_PINHOLE | {"width": 128, "height": 72}, "camera.json", (64, 48), None).notes
+    assert "calibrated for images of 128 x 72, and these are 64 x 48" in note
+
+
+@pytest.mark.parametrize("unit", [{"depth_unit_m": 1000}, {"depth_unit_m": float("nan")}, {"depth_scale": 0}])
+def test_a_unit_that_no_depth_has_is_told(unit: dict[str, object]) -> None:
+    found = parse_calibration(_PINHOLE | unit, "camera.json", (64, 48), (64, 48))
+    assert found.depth_unit_m is None
+    assert found.notes == (
+        f"camera.json: {next(iter(unit))} is not used, as it says nothing between 1e-6 and 1 m per unit",
+    )
+
+
 def test_open3ds_matrix_is_read_column_by_column() -> None:
     document = {"width": 64, "height": 48, "intrinsic_matrix": [50, 0, 0, 0, 51, 0, 30, 20, 1]}
     (camera,) = parse_calibration(document, "camera.json", (64, 48), None).cameras

@@ -89,6 +89,13 @@ def test_it_is_told_by_the_names_in_the_folder(source: Path, tmp_path: Path) -> 
     other.mkdir()
     color_clip(other / "RGB.MKV", 2)
     assert registry.sniff(other).name == "rgbd-video"
+    (other / "preview.png").write_bytes(b"")
+    assert registry.sniff(other).name == "rgbd-video"
+
+
+def test_what_is_no_folder_is_an_error_that_says_so(source: Path, tmp_path: Path) -> None:
+    with pytest.raises(EcatError, match=r"cannot import color\.mp4"):
+        import_source(source / "color.mp4", tmp_path / "s", format="rgbd-video")
 
 
 def test_what_the_recorder_of_2015_wrote_is_not_taken_for_one(source: Path) -> None:
@@ -290,12 +297,25 @@ def test_any_value_anywhere_in_the_calibration_ends_in_a_session(
 
 @pytest.mark.parametrize("name", ["color.mp4", "depth.mkv"])
 @pytest.mark.parametrize("content", [b"", b"x" * 1000])
-def test_a_video_that_is_none_is_a_format_error(tmp_path: Path, name: str, content: bytes) -> None:
+def test_a_video_that_is_none_is_left_out_and_the_other_saved(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
     source = folder(tmp_path / "r")
     (source / name).write_bytes(content)
+    session = imported(source)
+    assert [s.name for s in session.manifest.streams if s.kind in {"color", "depth"}] == [
+        "depth" if name == "color.mp4" else "color"
+    ]
+    assert any(name in note for note in session.manifest.provenance.notes)
+
+
+def test_videos_that_are_none_are_a_format_error(tmp_path: Path) -> None:
+    source = folder(tmp_path / "r")
+    for name in ("color.mp4", "depth.mkv"):
+        (source / name).write_bytes(b"x" * 1000)
     with pytest.raises(FormatError, match="cannot import") as caught:
         import_source(source, tmp_path / "s")
-    assert name in caught.value.where
+    assert "color.mp4" in caught.value.where
     assert not (tmp_path / "s").exists()
 
 

@@ -62,6 +62,31 @@ def test_times_are_kept_to_the_microsecond(kind: str, steps: list[int]) -> None:
     assert np.abs(found.packets[0].t_ns - (times + 1000 * np.arange(len(times)))).max() <= 500
 
 
+def ffv1_size(image: np.ndarray, table: str) -> int:
+    """Bytes of the image with this table for differences."""
+    import av
+
+    encoder = av.VideoCodecContext.create("ffv1", "w")
+    encoder.height, encoder.width = image.shape
+    encoder.pix_fmt, encoder.time_base = "gray16le", Fraction(1, 30)
+    encoder.options = {"level": "3", "slicecrc": "1", "slices": "4", "qtable": table}
+    frame = av.VideoFrame.from_ndarray(image, format="gray16le")
+    return sum(packet.size for packet in [*encoder.encode(frame), *encoder.encode(None)])
+
+
+@pytest.mark.parametrize(("noise", "smaller"), [(0.5, "greater8bit"), (20, "8bit")])
+def test_depth_is_packed_by_the_table_that_suits_it(tmp_path: Path, noise: float, smaller: str) -> None:
+    slope = 1500 + 2.0 * np.arange(160)
+    image = (slope + np.random.default_rng(0).normal(0, noise, (120, 160))).astype(np.uint16)
+    sizes = {table: ffv1_size(image, table) for table in ("8bit", "greater8bit")}
+    assert min(sizes, key=lambda table: sizes[table]) == smaller
+    written: list[int] = []
+    with DepthWriter(tmp_path / "depth.mkv", 160, 120) as writer:
+        writer.write(image, 0)
+    scan(tmp_path / "depth.mkv", "read", each=lambda packet: written.append(packet.size))
+    assert written == [min(sizes.values())]
+
+
 def test_every_depth_image_stands_for_itself(tmp_path: Path) -> None:
     found = scan(depth_clip(tmp_path / "depth.mkv"), "read").packets[0]
     assert found.is_key.all()
