@@ -70,10 +70,11 @@ def plane() -> pa.Table:
     return pa.table({"frame": [0], **fitted})
 
 
-def joints(path: Floats, joint: str = "HandRight") -> pa.Table:
+def joints(path: Floats, joint: str = "HandRight", rig: str | None = "o1") -> pa.Table:
     points = TABLE.apply(path)
     columns: dict[str, Any] = {"frame": pa.array(range(N), pa.int32())}
-    columns |= {"object_id": ["o1"] * N, "joint": [joint] * N, "state": ["tracked"] * N}
+    columns |= {"object_id": pa.array([rig] * N, pa.string()), "body": pa.array([3] * N, pa.int8())}
+    columns |= {"joint": [joint] * N, "state": ["tracked"] * N}
     columns |= {axis: points[:, k] for k, axis in enumerate("xyz")}
     return pa.table(columns)
 
@@ -163,6 +164,11 @@ def test_boxes_pushed_as_one_move_together() -> None:
     assert found[1] == ("o2", "o3")
     assert abs(found[2] - 61) <= 1
     assert abs(found[3] - 100) <= 1
+
+
+def test_a_body_that_nobody_annotated_has_hands_too() -> None:
+    found = relations(poses(APART), joints=joints(hand(APART["o2"]), rig=None))
+    assert any(arguments == ("o2", "body_3") for _, arguments, *_ in found)
 
 
 def test_a_box_is_in_the_hand_that_is_at_it() -> None:

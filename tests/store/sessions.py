@@ -48,6 +48,8 @@ def rows(name: str, n: int, number: int = 0) -> pa.Table:
             columns.append(pa.array(np.ones(n, dtype=bool)))
         elif pa.types.is_integer(field.type):
             columns.append(pa.array(np.full(n, number % 128)).cast(field.type))
+        elif pa.types.is_fixed_size_list(field.type):
+            columns.append(pa.array([[0.5] * field.type.list_size] * n, field.type))
         else:
             value = {pa.string(): "text", pa.list_(pa.string()): ["a", "b"]}.get(
                 field.type, [("key", "value")]

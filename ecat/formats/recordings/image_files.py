@@ -168,13 +168,23 @@ def _pgm(data: bytes, header: Header, what: str, name: str) -> NDArray[np.uint16
 def _is_whole(data: bytes) -> bool:
     """Whether the end of the image is there, as decoders fill up what is missing without a word."""
     if data.startswith(b"\x89PNG"):
-        return b"IEND" in data[-1024:]
+        return _png_ends(data)
     if data.startswith(b"\xff\xd8"):
         return b"\xff\xd9" in data[-1024:]
     if found := _PNM.match(data):
         channels, depth = (3 if found[1] == b"6" else 1), (2 if int(found[4]) > 255 else 1)
         return len(data) - found.end() >= int(found[2]) * int(found[3]) * channels * depth
     return True
+
+
+def _png_ends(data: bytes) -> bool:
+    """Whether the chunks of a PNG lead to its end; OpenCV takes memory for whatever length a chunk claims."""
+    at = 8
+    while at + 12 <= len(data):
+        if data[at + 4 : at + 8] == b"IEND":
+            return True
+        at += 12 + int.from_bytes(data[at : at + 4])
+    return False
 
 
 def read_image(path: Path, what: str, *, deep: bool) -> NDArray[Any]:

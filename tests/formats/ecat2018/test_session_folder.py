@@ -215,9 +215,9 @@ class TestRigs:
         assert not [line for line in findings if "rig_1.xml" in line]
 
     def test_a_rig_file_that_nobody_refers_to_may_be_broken(self, tmp_path: Path) -> None:
-        made, findings = draft(session_folder(tmp_path, document(), rig_1__xml=b"<BodyDataSequence"))
+        made, findings = draft(session_folder(tmp_path, document(), rig_1__xml=b"no xml"))
         assert "joints" not in made.tables
-        assert len([line for line in findings if line.startswith("rig_1.xml: copied, but not read")]) == 1
+        assert [line for line in findings if "rig_1.xml: copied, but not read" in line]
 
     def test_a_video_of_any_length_takes_no_memory(self, tmp_path: Path) -> None:
         said = document(objects=RIG).replace('length="', 'length="99999', 1)
