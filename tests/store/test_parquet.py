@@ -106,6 +106,8 @@ def test_only_names_are_dictionaries_and_numbers_are_split(tmp_path: Path) -> No
         group.column(i).path_in_schema: set(group.column(i).encodings) for i in range(group.num_columns)
     }
     for field in TABLES["poses"].arrow:
+        if pa.types.is_fixed_size_list(field.type):
+            continue
         assert ("RLE_DICTIONARY" in encodings[field.name]) == pa.types.is_dictionary(field.type)
         assert ("BYTE_STREAM_SPLIT" in encodings[field.name]) == pa.types.is_floating(field.type)
     assert group.column(0).compression == "ZSTD"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -178,12 +179,20 @@ def _is_whole(data: bytes) -> bool:
 
 
 def _png_ends(data: bytes) -> bool:
-    """Whether the chunks of a PNG lead to its end; OpenCV takes memory for whatever length a chunk claims."""
-    at = 8
+    """Whether the chunks of a PNG are sound, hold an image and lead to its end.
+
+    OpenCV takes memory for whatever length a chunk claims, and goes on after damaged ones.
+    """
+    at, shown = 8, False
     while at + 12 <= len(data):
-        if data[at + 4 : at + 8] == b"IEND":
-            return True
-        at += 12 + int.from_bytes(data[at : at + 4])
+        end = at + 8 + int.from_bytes(data[at : at + 4])
+        if int.from_bytes(data[end : end + 4]) != zlib.crc32(data[at + 4 : end]):
+            return False
+        kind = data[at + 4 : at + 8]
+        shown = shown or kind == b"IDAT"
+        if kind == b"IEND":
+            return shown
+        at = end + 4
     return False
 
 
