@@ -23,7 +23,17 @@ from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
 from ecat.stages.series import Series, sets_back
 from ecat.stages.stage import Stage, Tables
-from ecat.stages.tracks import HandTrack, Timeline, Track, object_boxes, read_hands, read_tracks, timeline
+from ecat.stages.tracks import (
+    EVIDENCE,
+    HandTrack,
+    Timeline,
+    Track,
+    evidence,
+    object_boxes,
+    read_hands,
+    read_tracks,
+    timeline,
+)
 from ecat.tables import EVENT_PROPOSALS
 
 PREPOSITIONS = {
@@ -280,9 +290,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
         tables["clock"],
         tables["poses"],
         tables["table_plane"],
-        joints=tables.get("joints"),
-        markers_2d=tables.get("markers_2d"),
-        markers_3d=tables.get("markers_3d"),
+        **evidence(tables),
         parameters=parameters,
     )
     return {"event_proposals": found}
@@ -291,10 +299,10 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
 PROPOSE = Stage(
     name="propose",
     version=2,
-    inputs=("clock", "poses", "table_plane", "joints", "markers_2d", "markers_3d"),
+    inputs=("clock", "poses", "table_plane", *EVIDENCE),
     outputs=("event_proposals",),
     parameters=ProposeParameters,
     run=_run,
-    optional=("joints", "markers_2d", "markers_3d"),
+    optional=EVIDENCE,
 )
 """The stage that proposes events."""

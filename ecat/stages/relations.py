@@ -20,7 +20,17 @@ from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
 from ecat.stages.stage import Stage, Tables
-from ecat.stages.tracks import HandTrack, Timeline, Track, object_boxes, read_hands, read_tracks, timeline
+from ecat.stages.tracks import (
+    EVIDENCE,
+    HandTrack,
+    Timeline,
+    Track,
+    evidence,
+    object_boxes,
+    read_hands,
+    read_tracks,
+    timeline,
+)
 from ecat.tables import RELATION_PROPOSALS
 
 HANDS = {"HandLeft": "IN_LEFT_HAND", "HandRight": "IN_RIGHT_HAND"}
@@ -207,9 +217,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
         tables["clock"],
         tables.get("poses_smooth", tables["poses"]),
         tables["table_plane"],
-        joints=tables.get("joints"),
-        markers_2d=tables.get("markers_2d"),
-        markers_3d=tables.get("markers_3d"),
+        **evidence(tables),
         parameters=parameters,
     )
     return {"relation_proposals": found}
@@ -218,10 +226,10 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
 RELATIONS = Stage(
     name="relations",
     version=2,
-    inputs=("clock", "poses", "poses_smooth", "table_plane", "joints", "markers_2d", "markers_3d"),
+    inputs=("clock", "poses", "poses_smooth", "table_plane", *EVIDENCE),
     outputs=("relation_proposals",),
     parameters=RelationParameters,
     run=_run,
-    optional=("poses_smooth", "joints", "markers_2d", "markers_3d"),
+    optional=("poses_smooth", *EVIDENCE),
 )
 """The stage that finds the relations."""

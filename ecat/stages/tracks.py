@@ -16,6 +16,7 @@ from ecat.geometry.moves import Move
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype
 from ecat.stages.pose import table_frames
+from ecat.stages.stage import Tables
 
 JOINT_SIGMA_M = {"tracked": 0.01, "inferred": 0.03}
 """Standard deviation of a joint by its state; others are not used."""
@@ -132,7 +133,14 @@ def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeli
     return found
 
 
+EVIDENCE = ("joints", "markers_2d", "markers_3d")
+"""Tables that tell more than poses do: who was there, and how large the boxes are."""
 _NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "sigma_m")
+
+
+def evidence(tables: Tables) -> dict[str, pa.Table | None]:
+    """The tables that tell more than poses do, as keyword arguments; None where a session has them not."""
+    return {name: tables.get(name) for name in EVIDENCE}
 
 
 def read_hands(

@@ -24,6 +24,7 @@ from ecat.geometry.records import camera_record
 from ecat.model import Stream
 from ecat.progress import Progress
 from ecat.store import TableData, files
+from ecat.store.media import MILLIMETRE
 from ecat.store.media.container import first_video, scan
 from ecat.store.media.dep import DepthFile
 from ecat.tables import JOINTS
@@ -32,7 +33,6 @@ NAME = "ecat-recorder"
 _SESSION_FILE = "files.param"
 _STAMPED = re.compile(r"(?:rgb|color|depth|rig)_(.+)", re.IGNORECASE)
 _MS = 1_000_000
-_MILLIMETRE = 0.001
 _KEPT = ("body", "joint", "x", "y", "z", "u_px", "v_px", "state")
 
 
@@ -174,7 +174,7 @@ def _depth(one: _Files, notes: list[str]) -> Track | None:
             n_frames=n,
             width_px=size[0],
             height_px=size[1],
-            depth_unit_m=_MILLIMETRE,
+            depth_unit_m=MILLIMETRE,
         )
         return copied_track(stream, path)
     times = times_ms.astype(np.int64) * _MS
@@ -185,7 +185,7 @@ def _depth(one: _Files, notes: list[str]) -> Track | None:
             for index in order:
                 yield int(times[index]), file.frame(int(index))
 
-    return depth_track("depth", images, unit_m=_MILLIMETRE, camera="depth", expected=n)
+    return depth_track("depth", images, unit_m=MILLIMETRE, camera="depth", expected=n)
 
 
 def _rig(one: _Files, notes: list[str]) -> Rig | None:

@@ -36,6 +36,7 @@ from ecat.formats.recordings.untimed import FILE_PERIOD_NS, create_untimed
 from ecat.formats.recordings.video import SUFFIXES as VIDEOS
 from ecat.progress import Progress
 from ecat.store import TableData, files
+from ecat.store.media import MILLIMETRE
 
 NAME = "images"
 COLOR_FOLDERS = frozenset({"color", "colour", "rgb", "image", "images"})
@@ -45,7 +46,6 @@ _ROLE = re.compile(r"(?<![a-z])(?:(colou?r|rgb|image)|(depth))(?![a-z])|^(?:(r)|
 _DIGITS = re.compile(r"\d+")
 _MATCH_FILE, _TRAJECTORY_FILE = "rgbd.match", "trajectory.log"
 _MAX_LIST_BYTES = 64 << 20
-_MILLIMETRE = 0.001
 _LEAST_PX = 2
 _Px = tuple[int, int]
 # Kinect v1's 11-bit disparity d: metres are 351.3 / (1092.5 - d) (NYU Depth V2 toolbox), 2047 is no measurement
@@ -292,7 +292,7 @@ def _create(one: ImageSet, folder: Path, dest: Path, what: str, progress: Progre
     notes = [*one.notes, *known.notes, *_missing(one, known)]
     unit_m = _DISPARITY_UNIT_M if disparity else known.depth_unit_m
     if one.depth and unit_m is None:
-        unit_m = _MILLIMETRE
+        unit_m = MILLIMETRE
         notes.append("nothing says what the depth is measured in: it was taken for millimetres")
     tracks = list(_tracks(one, known, unit_m, what, is_disparity=disparity))
     tables: dict[str, TableData] = {}

@@ -25,13 +25,13 @@ from ecat.formats.recordings.video import SUFFIXES, Facts, color_video, video_fa
 from ecat.model import Stream
 from ecat.progress import Progress
 from ecat.store import files
+from ecat.store.media import MILLIMETRE
 from ecat.store.media.container import scan
 
 NAME = "rgbd-video"
 _COLOR, _DEPTH = ("color", "colour", "rgb"), ("depth",)
 _SOUND = {".wav": "pcm", ".flac": "flac", ".mp3": "mp3", ".m4a": "aac", ".ogg": "vorbis"}
 _WIDE = {"gray16le", "gray16be", "gray14le", "gray12le", "gray10le"}
-_MILLIMETRE = 0.001
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def _depth(path: Path, facts: Facts, unit_m: float | None, progress: Progress) -
     packets = found.packets[facts.index]
     times = (packets.t_ns - facts.start_ns).tolist()
     images = Decoded(path, facts.index, facts.start_ns, as_depth=True)
-    track = depth_track("depth", images, unit_m=unit_m or _MILLIMETRE, expected=len(times))
+    track = depth_track("depth", images, unit_m=unit_m or MILLIMETRE, expected=len(times))
     if unit_m is None:
         track.note("camera.json has no depth_unit_m: its units were taken for millimetres")
     if found.stopped:

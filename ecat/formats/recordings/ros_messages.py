@@ -15,6 +15,7 @@ from ecat.formats.recordings.image_files import Header, checked, decode, parse_h
 from ecat.geometry.transforms import Rigid
 from ecat.model import Camera
 from ecat.model.session import DISTORTION_LENGTHS, camera_problems
+from ecat.store.media import MILLIMETRE
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _ENCODINGS: dict[str, tuple[str, int]] = {
@@ -30,7 +31,6 @@ _ENCODINGS: dict[str, tuple[str, int]] = {
 DEPTH_ENCODINGS = frozenset({"mono16", "16uc1", "z16", "32fc1"})
 _COMPRESSED_DEPTH_HEADER = 12
 _PNG = b"\x89PNG"
-MILLIMETRE = 0.001
 CAMERA_INFO, IMU = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu"
 _HEADER: dict[str, type] = {"header.stamp.sec": int, "header.stamp.nanosec": int, "header.frame_id": str}
 _PLACE: dict[str, type] = {

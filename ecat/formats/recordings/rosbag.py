@@ -26,7 +26,6 @@ from ecat.formats.recordings.ros_messages import (
     COMPRESSED,
     IMAGE,
     IMU,
-    MILLIMETRE,
     Rounding,
     camera_of_info,
     chain,
@@ -41,6 +40,7 @@ from ecat.geometry.transforms import Rigid
 from ecat.model import Camera
 from ecat.progress import Progress
 from ecat.store import TableData
+from ecat.store.media import MILLIMETRE
 
 NAME = "rosbag"
 _MAGIC = {".bag": b"#ROSBAG V2", ".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0"}

@@ -43,7 +43,8 @@ _SEEK_PACKETS = 64
 _LUMA_FIRST = re.compile(r"yuvj?4\d\dp|nv\d\d|gray")
 """Pixel formats whose first plane is the luma, 8 bits a pixel."""
 _DEPTH_KINDS = {"depth", "infrared"}
-_MILLIMETRE = 0.001
+MILLIMETRE = 0.001
+"""The unit of depth where a recording says none."""
 
 
 class _Source(Protocol):
@@ -99,7 +100,7 @@ class StreamImages(AbstractContextManager["StreamImages"]):
     @property
     def unit_m(self) -> float:
         """Metres per unit of a depth image: what the stream says, else millimetres."""
-        return self._stream.depth_unit_m or _MILLIMETRE
+        return self._stream.depth_unit_m or MILLIMETRE
 
     @property
     def t_ns(self) -> NDArray[np.int64] | None:
