@@ -5,13 +5,15 @@
     ├── InputError              what was read is not what it should be           exit code 1
     │   ├── FormatError         malformed, truncated, or not the claimed format
     │   ├── SchemaError         well-formed, but against the schema
-    │   └── LimitError          larger or deeper than ecat is willing to read
+    │   ├── LimitError          larger or deeper than ecat is willing to read
+    │   └── OperationError      an edit that the annotation or its coding scheme does not allow
     ├── StoreError              the session or the disk under it                 exit code 1
     │   ├── NotFoundError       nothing there, or not a session
     │   ├── ExistsError         the destination is taken
     │   ├── LockedError         another process is writing
     │   ├── ReadOnlyError       no permission to read or write
     │   ├── StaleError          the write was based on an older revision
+    │   ├── ConflictError       others have changed since what was to be undone
     │   ├── CorruptError        the session contradicts its own manifest
     │   └── DiskError           disk full, I/O error
     └── MissingExtraError       an optional library is not installed             exit code 1
@@ -23,7 +25,7 @@ from __future__ import annotations
 
 import errno
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 
 class EcatError(Exception):
@@ -115,6 +117,12 @@ class LimitError(InputError):
     usual_fix: ClassVar[str] = "check that this is the right file"
 
 
+class OperationError(InputError):
+    """An edit that the annotation, or its coding scheme, does not allow."""
+
+    usual_consequence: ClassVar[str] = "nothing was changed"
+
+
 class StoreError(EcatError):
     """The session on disk, or the disk under it."""
 
@@ -134,11 +142,34 @@ class LockedError(StoreError):
 
 
 class ReadOnlyError(StoreError):
-    """No permission to read or to write."""
+    """No permission to read or to write, or a disk that is mounted read-only."""
 
 
 class StaleError(StoreError):
-    """The write was based on an older revision."""
+    """The write was based on an older revision.
+
+    Of an edit, ``revision`` is that of the layer now, and ``records`` are those since the one it was based on.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | tuple[str, ...] = "",
+        consequence: str = "",
+        fix: str = "",
+        revision: int | None = None,
+        records: tuple[Any, ...] = (),
+    ) -> None:
+        super().__init__(what, where=where, consequence=consequence, fix=fix)
+        self.revision = revision
+        self.records = records
+
+
+class ConflictError(StoreError):
+    """Others have changed since what was to be undone or done again."""
+
+    usual_consequence: ClassVar[str] = "nothing was changed"
 
 
 class CorruptError(StoreError):
@@ -163,6 +194,7 @@ def one_line(text: str) -> str:
 _DISK_FIXES = {
     errno.ENOSPC: "free some space, then do it again",
     errno.EDQUOT: "free some space, then do it again",
+    errno.EFBIG: "write to a disk that takes files of that size, or raise the limit (ulimit -f)",
     errno.ENAMETOOLONG: "use a shorter name",
     errno.ELOOP: "check where the symbolic links of the path lead",
 }
@@ -181,5 +213,8 @@ def os_error(error: OSError, what: str, path: Path | str, consequence: str = "it
     for kind, (made, fix) in kinds.items():
         if isinstance(error, kind):
             return made(what, where=where, consequence=consequence, fix=fix)
+    if error.errno == errno.EROFS:
+        fix = "choose a destination on a disk that may be written to"
+        return ReadOnlyError(what, where=where, consequence=consequence, fix=fix)
     fix = _DISK_FIXES.get(error.errno or 0, "check the disk, then do it again")
     return DiskError(what, where=where, consequence=consequence, fix=fix)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ecat import errors
-from ecat.errors import DiskError, EcatError, FormatError, SchemaError, os_error
+from ecat.errors import DiskError, EcatError, FormatError, ReadOnlyError, SchemaError, os_error
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "ecat").rglob("*.py"))
@@ -81,3 +81,15 @@ def test_every_error_of_the_system_says_what_to_do(number: int) -> None:
 
 def test_a_name_that_is_too_long_does_not_fill_the_disk() -> None:
     assert os_error(OSError(errno.ENAMETOOLONG, "File name too long"), "", "x").fix == "use a shorter name"
+
+
+def test_a_disk_that_is_mounted_read_only_is_not_broken() -> None:
+    made = os_error(OSError(errno.EROFS, "Read-only file system"), "cannot create s", "s")
+    assert isinstance(made, ReadOnlyError)
+    assert made.fix == "choose a destination on a disk that may be written to"
+
+
+def test_a_file_too_large_for_its_disk_does_not_mean_that_the_disk_is_broken() -> None:
+    fix = os_error(OSError(errno.EFBIG, "File too large"), "cannot write x", "x").fix
+    assert "files of that size" in fix
+    assert "ulimit" in fix

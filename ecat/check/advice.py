@@ -65,6 +65,8 @@ ADVICE: dict[str, str] = {
     "mark-jump": _LOOK,
     "frame-repeat": _LOOK,
     "pose-jump": _LOOK + "; the smoother takes such jumps for errors: ecat process {path} --smooth",
+    "camera-moved": "nothing has to be done",
+    "table-untied": "what is smoothed and proposed ends there; have a marked box stand still while the camera is moved",
     "duplicate-id": _EDIT,
     "dangling-reference": _EDIT,
     "dangling-session-reference": _EDIT,

@@ -19,6 +19,7 @@ from ecat.check.manifest import MANIFEST
 from ecat.check.marks import MARKS
 from ecat.check.references import REFERENCES
 from ecat.check.schema import SCHEMA
+from ecat.check.table import TABLE
 from ecat.errors import EcatError, NotFoundError, SchemaError
 from ecat.model import Layer
 from ecat.model.scheme import ECAT_2018_SCHEME
@@ -32,7 +33,7 @@ from ecat.store import (
 from ecat.store.manifest import PROJECT_FILE, SESSION_FILE, is_plain_name
 from ecat.store.transaction import COMMIT_FILE
 
-CHECKS: tuple[Check, ...] = (*MANIFEST, *SCHEMA, *CLOCK, *MARKS, *REFERENCES, *ANNOTATION)
+CHECKS: tuple[Check, ...] = (*MANIFEST, *SCHEMA, *CLOCK, *MARKS, *TABLE, *REFERENCES, *ANNOTATION)
 """The checks of a session's content, in the order of their findings."""
 SCHEMES = {scheme.name: scheme for scheme in (ECAT_2018_SCHEME,)}
 """Coding schemes by name; what follows another one is not compared with any."""

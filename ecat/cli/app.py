@@ -9,13 +9,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import click
 
 from ecat.cli.output import BROKEN_PIPE, print_bug, print_error
-from ecat.cli.verb import SETTINGS, write_examples
+from ecat.cli.verb import EVERYWHERE, SETTINGS, after_the_verb, write_examples
 from ecat.errors import EcatError, MissingExtraError, UsageError, os_error
 
 if TYPE_CHECKING:
@@ -32,13 +31,25 @@ VERBS = (
     "calibrate",
     "check",
     "view",
+    "annotate",
+    "object",
+    "event",
+    "relation",
+    "proposal",
+    "scheme",
+    "apply",
+    "undo",
+    "redo",
+    "log",
+    "restore",
+    "survey",
+    "agree",
     "export",
     "sample",
     "formats",
     "demo",
 )
 """In the order of ``ecat --help``: the order in which a recording meets them."""
-EVERYWHERE = ("--json", "--quiet", "-q")
 
 EXAMPLES = (
     "ecat demo",
@@ -53,11 +64,9 @@ class Verbs(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does, but what every verb takes may also stand before the verb."""
-        early = list(takewhile(EVERYWHERE.__contains__, args))
-        rest = args[len(early) :]
-        if early and not rest:
-            ctx.fail(f"missing verb after {early[-1]}")
-        return super().parse_args(ctx, [*rest[:1], *early, *rest[1:]])
+        if args and set(args) <= set(EVERYWHERE):
+            ctx.fail(f"missing verb after {args[-1]}")
+        return super().parse_args(ctx, after_the_verb(args))
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all verbs, our own first."""

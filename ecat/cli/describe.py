@@ -16,12 +16,15 @@ Data = dict[str, Any]
 
 
 def describe(path: Path) -> Data:
-    """What is at ``path``; its ``kind`` is ``session``, ``project``, ``workspace`` or ``folder`` of sessions.
+    """What is at ``path``: its ``kind`` is ``session``, ``project``, ``workspace``, ``folder`` of sessions or ``file``.
 
     Raises
     ------
-    NotFoundError : nothing of ecat's is there.
+    NotFoundError : nothing of ecat's is there, nor a file that a format explains.
+    InputError : it is such a file, but cannot be read.
     """
+    if path.is_file() and (found := _file(path)) is not None:
+        return found
     sessions = sessions_at(path)
     if sessions == [path]:
         return _session(open_session(path))
@@ -29,6 +32,23 @@ def describe(path: Path) -> Data:
         manifest = open_project(path).manifest
         return _folder(path, sessions, manifest.kind, manifest.name, manifest.provenance)
     return _folder(path, sessions, "folder", path.resolve().name, Provenance())
+
+
+def _file(path: Path) -> Data | None:
+    """What a file beside recordings of another program holds, if a format knows it."""
+    from ecat.formats import registry
+
+    kind = registry.side_file(path)
+    if kind is None:
+        return None
+    holds = dict(kind.explain(path))
+    return {
+        "kind": "file",
+        "name": path.name,
+        "what": kind.name,
+        "description": kind.description,
+        "holds": holds,
+    }
 
 
 def sessions_at(path: Path) -> list[Path]:

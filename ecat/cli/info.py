@@ -1,9 +1,10 @@
-"""``ecat info``: what is in a session, project or workspace."""
+"""``ecat info``: what is in a session, project or workspace, or in a file that lies beside recordings."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,21 +17,27 @@ if TYPE_CHECKING:
 
 MOST_SESSIONS = 20
 """Sessions listed for a person; --json lists all."""
+UNITS = ("px", "mm", "s")
+"""Units that names of numbers end with, as in all of ecat."""
 COUNTED = ("frames", "objects", "events", "relations")
 
 
-@verb("info", examples=("ecat info my_session", "ecat info my_project --json"))
-@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
+@verb("info", examples=("ecat info my_session", "ecat info my_project --json", "ecat info option.txt"))
+@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace, or a file.")
 def command(out: Output, path: Path) -> None:
-    """Say what is in a session, project or workspace.
+    """Say what is in a session, project or workspace, or in a file.
 
     Name, frames, duration, clock, cameras, streams, annotation layers, tables with the stage that made each,
     and where it all comes from.
+
+    Of files it knows those that lie beside the recordings of ECAT 2018: option.txt, params.param, *.project,
+    coordinateMapping.dat, *.glyph, VoxML, bodyScheme.xml, rig_*.xml, *.dep, and the event exports.
     """
     from ecat.cli.describe import describe
 
     found = describe(path)
-    out.result(found, session_text(found) if found["kind"] == "session" else project_text(found))
+    as_text = {"session": session_text, "file": file_text}.get(found["kind"], project_text)
+    out.result(found, as_text(found))
 
 
 def session_text(found: Data) -> str:
@@ -70,6 +77,50 @@ def project_text(found: Data) -> str:
             _block("notes", [[note] for note in found["notes"]]),
         ]
     )
+
+
+def file_text(found: Data) -> str:
+    """A file beside recordings as aligned text: what is single first, then every list that is not empty."""
+    single = [["what", found["what"]], ["", found["description"]]]
+    blocks: list[str] = []
+    for name, value in found["holds"].items():
+        if isinstance(value, Mapping):
+            blocks.append(_block(_words(name), [[key, _cell(text)] for key, text in value.items()]))
+        elif isinstance(value, list) and value:
+            blocks.append(_block(_words(name), [_file_row(row) for row in value]))
+        elif not isinstance(value, list):
+            words, unit = _split_unit(name)
+            single.append([words, f"{_cell(value)} {unit}".strip()])
+    return "\n\n".join([f"file {found['name']}\n{columns(single, indent=2)}", *blocks])
+
+
+def _file_row(row: Any) -> list[str]:
+    """One of a list: a text, or several values, numbers followed by what they count."""
+    if not isinstance(row, Mapping):
+        return [_cell(row)]
+    cells: list[str] = []
+    for name, value in row.items():
+        is_number = isinstance(value, int | float)
+        cells += [_cell(value), _split_unit(name)[1] or _words(name)] if is_number else [_cell(value)]
+    return cells
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """``near_mm`` is near, in mm."""
+    head, _, unit = name.rpartition("_")
+    return (_words(head), unit) if head and unit in UNITS else (_words(name), "")
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return "unknown" if value is None else str(value) or "(empty)"
 
 
 def _block(title: str, rows: list[list[str]]) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 
 import click
 
 from ecat.cli.app import VERBS, app
-from ecat.cli.verb import SETTINGS
+from ecat.cli.verb import SETTINGS, Group
 
 WIDTH = 100
 INTRODUCTION = """\
@@ -44,9 +45,16 @@ def reference() -> str:
     for name in VERBS:
         command = app.get_command(root, name)
         assert command is not None
-        context = click.Context(command, info_name=name, parent=root, terminal_width=WIDTH, **SETTINGS)
-        sections.append(_section(f"ecat {name}", context))
+        sections += _sections(command, name, root)
     return "\n".join(sections)
+
+
+def _sections(command: click.Command, name: str, parent: click.Context) -> Iterator[str]:
+    context = click.Context(command, info_name=name, parent=parent, terminal_width=WIDTH, **SETTINGS)
+    yield _section(context.command_path, context)
+    if isinstance(command, Group):
+        for inner in command.list_commands(context):
+            yield from _sections(command.commands[inner], inner, context)
 
 
 def _section(title: str, context: click.Context) -> str:

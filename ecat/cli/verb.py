@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
+from itertools import takewhile
 from typing import Any
 
 import click
@@ -11,6 +13,17 @@ import click
 from ecat.cli.output import BROKEN_PIPE, Output
 
 SETTINGS: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+EVERYWHERE = ("--json", "--quiet", "-q")
+"""What every verb takes, and may also stand before it."""
+
+
+def after_the_verb(args: list[str]) -> list[str]:
+    """``args`` with what every verb takes moved from before the verb to behind it."""
+    early = list(takewhile(EVERYWHERE.__contains__, args))
+    rest = args[len(early) :]
+    return [*rest[:1], *early, *rest[1:]] if rest else args
 
 
 def write_examples(formatter: click.HelpFormatter, examples: tuple[str, ...]) -> None:
@@ -29,6 +42,42 @@ class Verb(click.Command):
         """The examples."""
         del ctx
         write_examples(formatter, self.examples)
+
+
+class Group(click.Group):
+    """Verbs that belong together (``ecat event add``, ``ecat event remove``), with examples of the whole."""
+
+    def __init__(self, name: str, verbs: Sequence[Verb], text: str, *, examples: tuple[str, ...]) -> None:
+        super().__init__(
+            name,
+            {str(verb.name): verb for verb in verbs},
+            help=inspect.cleandoc(text),
+            context_settings=SETTINGS,
+        )
+        self.examples = examples
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does, but what every verb takes may also stand before the verb."""
+        return super().parse_args(ctx, after_the_verb(args))
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """In the order given."""
+        del ctx
+        return list(self.commands)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The examples."""
+        del ctx
+        write_examples(formatter, self.examples)
+
+
+def leaves(command: click.Command, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Verb | Group]]:
+    """A verb with its path (``("event", "add")``), or a group of verbs and each of them."""
+    if isinstance(command, Verb | Group):
+        yield path, command
+    if isinstance(command, Group):
+        for name, inner in command.commands.items():
+            yield from leaves(inner, (*path, name))
 
 
 def verb(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., int | None]], Verb]:

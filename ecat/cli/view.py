@@ -26,10 +26,10 @@ def command(out: Output, session: Path, save: Path | None) -> None:
     opened = store.open_session(session)
     with out.progress() as progress:
         if save is None:
-            view.open_viewer(opened, progress=progress)
+            findings = view.open_viewer(opened, progress=progress)
         else:
-            view.save_rrd(opened, save, progress=progress)
-    data = {"session": opened.name, "file": None if save is None else str(save)}
-    out.result(
-        data, f"showing {opened.name}" if save is None else f"wrote {save}\ntry: {shell('rerun', save)}"
-    )
+            findings = view.save_rrd(opened, save, progress=progress)
+    data = {"session": opened.name, "file": None if save is None else str(save), "findings": list(findings)}
+    done = f"showing {opened.name}" if save is None else f"wrote {save}"
+    follow_up = [] if save is None else [f"try: {shell('rerun', save)}"]
+    out.result(data, "\n".join([done, *(f"  {finding}" for finding in findings), *follow_up]))

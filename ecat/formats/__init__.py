@@ -6,10 +6,20 @@ from pathlib import Path
 
 from ecat.errors import UsageError
 from ecat.formats import registry
-from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport
+from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport, SideFile
 from ecat.progress import Progress, silent
+from ecat.store.manifest import require_utf8
 
-__all__ = ["ExportReport", "Format", "ImportOptions", "ImportReport", "export", "import_source", "registry"]
+__all__ = [
+    "ExportReport",
+    "Format",
+    "ImportOptions",
+    "ImportReport",
+    "SideFile",
+    "export",
+    "import_source",
+    "registry",
+]
 
 
 def import_source(
@@ -30,6 +40,8 @@ def import_source(
     StoreError : ``dest`` is taken or cannot be written; nothing is left there.
     """
     source, dest = Path(source), Path(dest)
+    # both name things inside of the session; better said before an hour of video was read
+    require_utf8(f"cannot import {source}", source.resolve().name, dest.resolve().name)
     registry.refuse_own(source)
     chosen = registry.find(format) if format is not None else registry.sniff(source)
     if chosen.read is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -59,10 +59,25 @@ class Writer(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SideFile:
+    """A kind of file that lies beside recordings of a format (settings, a calibration, ...) and can be explained.
+
+    ``sniff`` tells whether a file looks like it without reading much.  ``explain`` reads it and says what it holds, as
+    JSON-able data: texts, numbers, lists of texts or of such mappings, mappings of texts; it raises as readers do.
+    """
+
+    name: str
+    description: str
+    sniff: Callable[[Path], bool]
+    explain: Callable[[Path], Mapping[str, object]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
     """One foreign format: its name on the command line, and what it can do.
 
-    ``sniff`` tells whether a path looks like this format without reading much.
+    ``sniff`` tells whether a path looks like this format without reading much; ``side_files`` are what ``ecat info``
+    explains.
     """
 
     name: str
@@ -70,6 +85,7 @@ class Format:
     sniff: Callable[[Path], bool] | None = None
     read: Reader | None = None
     write: Writer | None = None
+    side_files: tuple[SideFile, ...] = ()
 
     @property
     def reads(self) -> bool:

@@ -11,12 +11,13 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from ecat.errors import FormatError, NotFoundError, UsageError
-from ecat.formats.format import Format
+from ecat.formats.format import Format, SideFile
 
 GROUP = "ecat.formats"
 _OWN = {
     "azure-mkv": "ecat.formats.recordings.azure_mkv",
     "ecat-2018": "ecat.formats.ecat2018",
+    "ecat-learning": "ecat.formats.recordings.ecat_learning",
     "ecat-recorder": "ecat.formats.recordings.ecat_recorder",
     "images": "ecat.formats.recordings.images",
     "kinect-studio-xef": "ecat.formats.recordings.proprietary:XEF",
@@ -102,3 +103,9 @@ def sniff(path: Path) -> Format:
         consequence="nothing was written",
         fix="ecat formats lists them; --format NAME insists on one",
     )
+
+
+def side_file(path: Path) -> SideFile | None:
+    """The kind of side file that the file at ``path`` looks like, if any."""
+    kinds = (kind for known in all_formats() for kind in known.side_files)
+    return next((kind for kind in kinds if kind.sniff(path)), None)

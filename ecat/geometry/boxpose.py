@@ -139,7 +139,7 @@ def box_poses(
         free,
         noise,
         random=(detector.sigma_px / noise.sigma_px) ** 2,
-        markers_m=steady.markers(prototype),
+        markers_m=steady.displaced(prototype),
         steady=steady,
     )
     n_faces, residual = _agreement(best, doubt)

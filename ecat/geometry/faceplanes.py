@@ -1,8 +1,8 @@
-"""Planes fitted to the depth inside quadrilaterals of a depth image, all of an image at once."""
+"""Planes fitted to the depth inside quadrilaterals of depth images, those of some images at once."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecat.geometry.cameras import Camera
-from ecat.geometry.depth import RangeNoise
+from ecat.geometry.depth import DepthCamera, RangeNoise
 from ecat.geometry.transforms import Floats
 
 _ROUNDS = 4
@@ -33,6 +33,11 @@ class FaceFit:
     rms_m: Floats
     n_points: NDArray[np.int64]
 
+    def __getitem__(self, rows: NDArray[Any]) -> FaceFit:
+        return FaceFit(
+            self.normal[rows], self.offset[rows], self.sigma_m[rows], self.rms_m[rows], self.n_points[rows]
+        )
+
     @classmethod
     def joined(cls, parts: Sequence[FaceFit]) -> FaceFit:
         """All of them, one after the other."""
@@ -41,40 +46,45 @@ class FaceFit:
 
 
 def fit_faces(
-    image: NDArray[Any],
+    images: Iterable[NDArray[Any]],
     quads: Floats,
-    camera: Camera,
+    which: NDArray[np.intp],
+    depth: DepthCamera,
     *,
-    unit_m: float,
     noise: RangeNoise,
     steady_m: float,
     shrink: float = 0.9,
     margin_px: float = 1.0,
 ) -> FaceFit:
-    """Fit planes to what a depth image shows inside quadrilaterals.
+    """Fit planes to what depth images show inside quadrilaterals.
 
     A plane's inverse depth is linear in the image, so that weighted least squares with the noise of the range camera is
     a system of three unknowns each; Tukey's weights leave out what is before or behind (Beaton and Tukey 1974).
 
     Parameters
     ----------
-    image : (height, width) in units of ``unit_m``, 0 = nothing measured.
+    images : of the camera ``depth``, taken one after the other.
     quads : (n, 4, 2) pixels, finite, running round either way.
+    which : (n,) the image that each is in, ascending; every image has one or more.
     noise : of single pixels; ``steady_m`` is the error that all have alike, which no fit lessens.
     shrink, margin_px : share of the quadrilateral that is used, and by how much less still.
     """
-    inner, box = _shrunk(quads, shrink, margin_px), np.asarray(image)
-    v, u, inside = _windows(inner, box.shape[:2])
-    raw = box[v, u].astype(float) * unit_m
-    use = inside & (raw > 0)
-    z = np.where(use, raw, 1.0)
-    x, y = _sight(camera, u, v)
-    rows = np.stack([x, y, np.ones_like(x)], -1)
+    camera = depth.camera
+    v, u, inside = _windows(_shrunk(quads, shrink, margin_px))
+    inside &= (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+    v, u = np.clip(v, 0, camera.height - 1), np.clip(u, 0, camera.width - 1)
+    z = np.empty(u.shape)
+    first = np.flatnonzero(np.diff(which, prepend=-1))
+    for image, start, end in zip(images, first, [*first[1:], len(which)], strict=True):
+        z[start:end] = image[v[start:end], u[start:end]] * depth.unit_m
+    use = inside & (z > 0)
+    z = np.where(use, z, 1.0)
+    rows = depth.rays[v, u]
     weight = use * (z**2 / noise.sigma(z)) ** 2
     plane, trust = _robust(rows, 1 / z, weight)
     used = use & (trust > 0)
     n_points = used.sum(1)
-    left = np.where(used, z - 1 / np.maximum(np.einsum("nki,ni->nk", rows, plane), 1e-6), 0.0)
+    left = np.where(used, z - 1 / np.maximum((rows @ plane[..., None])[..., 0], 1e-6), 0.0)
     rms = np.sqrt((left**2).sum(1) / np.maximum(n_points, 1))
     sound = (n_points >= 3) & (n_points > _LEAST_SHARE * inside.sum(1))
     length = np.maximum(np.linalg.norm(plane, axis=1), 1e-9)
@@ -94,27 +104,18 @@ def _shrunk(quads: Floats, shrink: float, margin_px: float) -> Floats:
     return middle + arm * np.maximum(shrink - margin_px * np.sqrt(2) / np.maximum(reach, 1e-6), 0.0)
 
 
-def _windows(
-    quads: Floats, shape: tuple[int, ...]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Rows, columns and whether inside (n, k), of windows that are as large as the largest quadrilateral."""
+def _windows(quads: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+    """Rows, columns and whether inside (n, k), of windows with as many pixels as the largest quadrilateral needs."""
     low = np.floor(quads.min(1)).astype(np.intp)
     size = np.clip(np.ceil(quads.max(1)).astype(np.intp) + 1 - low, 1, _MOST_PX)
     # every other pixel of every other row is enough where faces are large
-    step = 2 if size.min() >= _LARGE_PX else 1
-    du, dv = np.meshgrid(np.arange(0, size[:, 0].max(), step), np.arange(0, size[:, 1].max(), step))
-    u, v = low[:, :1] + du.ravel(), low[:, 1:] + dv.ravel()
+    step = np.where(size.min(1) >= _LARGE_PX, 2, 1)[:, None]
+    du, dv = np.meshgrid(*(np.arange(n) for n in (-(-size // step)).max(0)))
+    u, v = low[:, :1] + step * du.ravel(), low[:, 1:] + step * dv.ravel()
     side = np.roll(quads, -1, 1) - quads
-    gap_u, gap_v = u[:, None] - quads[..., :1], v[:, None] - quads[..., 1:]
-    turn = side[..., :1] * gap_v - side[..., 1:] * gap_u
-    inside = (turn > 0).all(1) | (turn < 0).all(1)
-    inside &= (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0])
-    return np.clip(v, 0, shape[0] - 1), np.clip(u, 0, shape[1] - 1), inside
-
-
-def _sight(camera: Camera, u: NDArray[Any], v: NDArray[Any]) -> tuple[Floats, Floats]:
-    rays = camera.unproject(np.stack([u, v], -1).astype(float))
-    return rays[..., 0], rays[..., 1]
+    turn = [side[:, i, :1] * (v - quads[:, i, 1:]) - side[:, i, 1:] * (u - quads[:, i, :1]) for i in range(4)]
+    inside = np.logical_and.reduce([t > 0 for t in turn]) | np.logical_and.reduce([t < 0 for t in turn])
+    return v, u, inside
 
 
 def _robust(rows: Floats, inverse: Floats, weight: Floats) -> tuple[Floats, Floats]:

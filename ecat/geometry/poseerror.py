@@ -27,6 +27,9 @@ from ecat.geometry.boxfit import (
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype
 
+_IN_PLACE = 0.5
+"""By how much a corner is off since its marker is larger or turned, relative to how far the marker is off per axis."""
+
 
 @dataclass(frozen=True)
 class SteadyErrors:
@@ -35,12 +38,15 @@ class SteadyErrors:
     Parameters
     ----------
     marker_m : along each axis, of a marker's place on a box that was never measured.
+    measured : share of what is not known about a measured marker that puts poses off: the rest is the size of the
+        box and the place of its axes, which all markers have in common.  Rendered boxes are off by so much.
     rest_m, rest_rad : height and tilt of a box that rests on the table, whose plane has errors of its own.
     table_m, table_rad : the same where corners are so well known that they may say otherwise.
     prior : how many residuals the assumed noise of the corners is worth against those of the frame itself.
     """
 
     marker_m: float = 0.002
+    measured: float = 0.45
     rest_m: float = 0.0005
     rest_rad: float = 0.002
     table_m: float = 0.001
@@ -61,6 +67,11 @@ class SteadyErrors:
         share = 1 / (2 * np.sqrt(3))
         known = [self.marker_m if f.sigma_m is None else share * f.sigma_m for f in prototype.faces]
         return np.array(known)
+
+    def displaced(self, prototype: BoxPrototype) -> Floats:
+        """What poses are off by because of every marker (faces,), per axis."""
+        measured = [face.sigma_m is not None for face in prototype.faces]
+        return np.where(measured, self.measured, 1.0) * self.markers(prototype)
 
     def image_noise(self, noise: Noise, prototype: BoxPrototype, scene: Scene) -> float:
         """Pixels by which corners are off at the table's distance: by detection or geometry, whichever is more."""
@@ -112,6 +123,16 @@ def pose_covariance(
     return found
 
 
+def _marker_modes(placed: Floats) -> Floats:
+    """How corners (n, faces, 4, 3) move (n, faces, 4, 3, 5) with their marker, relative to its error along an axis."""
+    arms = placed - placed.mean(2, keepdims=True)
+    outwards = arms / np.linalg.norm(arms, axis=-1, keepdims=True)
+    along = np.roll(placed, -1, 2) - np.roll(placed, 1, 2)
+    around = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    shift = np.broadcast_to(np.eye(3), (*placed.shape, 3))
+    return np.concatenate([shift, _IN_PLACE * np.stack([outwards, around], -1)], -1)
+
+
 def _covariance(
     seen: Sightings,
     scene: Scene,
@@ -133,13 +154,14 @@ def _covariance(
     if upright:
         prior[UPRIGHT, UPRIGHT] = 1 / steady.upright**2
     inverse = np.linalg.pinv(hessian[:, s][:, :, s] + prior[np.ix_(s, s)], hermitian=True)
-    # what moves with each marker: all its rows together, along each axis
+    # what moves with each marker: all its rows together, along each axis, and as it grows and turns on its face
+    modes = _marker_modes(placed) * markers_m[:, None, None, None]
     pull = np.zeros((len(seen), 6, 6))
     square, dof = np.zeros(len(seen)), np.full(len(seen), -float(len(s)))
     for part in parts:
         rows = part.by_point @ moves
         weighted = rows * part.weights[..., None, None]
-        by_marker = np.einsum("nkcdm,nkcdi->nkmi", weighted, part.by_point) * markers_m[:, None, None]
+        by_marker = np.einsum("nkcdm,nkcdi->nkmi", weighted, part.by_point @ modes)
         pull += np.einsum("nkmi,nkli->nml", by_marker, by_marker)
         square += (part.weights[..., None] * part.gap**2).sum((1, 2, 3))
         dof += part.weights.sum((1, 2)) * part.gap.shape[-1]

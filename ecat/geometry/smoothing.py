@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
 from ecat.geometry.transforms import Floats, known
@@ -16,8 +17,9 @@ MOST_CONDITION = 1e10
 leave too few for the result, and from about 1e15 on the system cannot be solved at all."""
 _LEAST_SCATTER, _LEAST_SHARE = 10, 0.01
 _LEAST_VARIANCE = 1e-6
-_SLOW = 9.0
-"""Much of what scatters does so over several frames: its variance over that by which neighbours differ."""
+_LAG = 10
+"""Measurements so far apart have errors that are taken to have nothing to do with each other."""
+_MOST_CORRELATION = 0.9
 SIGMA_RANGE = 1e4
 """Standard deviations are taken to be within this factor of their median, for the same reason."""
 
@@ -28,12 +30,14 @@ class Smoothness:
 
     ``acceleration``: scale of the usual accelerations (unit/s^2) of a thing that stands or slides evenly;
     ``tails``: degrees of freedom of the Student t distribution of accelerations: the fewer, the more readily
-    a sudden push is believed; ``outliers``: the same for measurement errors.
+    a sudden push is believed; ``outliers``: the same for measurement errors; ``memory_s``: accelerations that are so
+    close in time are of one size, so that what moved before and after it was hidden is taken to have moved in between.
     """
 
     acceleration: float
     tails: float = 1.0
     outliers: float = 100.0
+    memory_s: float = 0.1
 
 
 def smooth_track(
@@ -77,23 +81,39 @@ def smooth_track(
     return track[place], spread[place]
 
 
-def random_share(values: Floats, covariance: Floats) -> float:
-    """Which share of the stated covariance (n, d, d) shows as scatter of measurements (n, d) from one time to the next.
+def random_share(values: Floats, covariance: Floats, rest: NDArray[np.int64]) -> float:
+    """Which share of the stated covariance (n, d, d) averages out in time; 1 where that cannot be told, and at most.
 
-    The rest is steady: the same error in neighbouring frames, which no smoothing takes away.  Measured robustly, by how
-    far each measurement is from the middle of those before and after; 1 where that cannot be told, and at most.
+    The rest is steady: the same error in neighbouring frames, which no smoothing takes away.  What is random is
+    measured robustly, by how far each measurement (n, d) is from the middle of two others: of neighbours, and of those
+    ``_LAG`` away where a thing rests (``rest`` (n,) numbers its rests, -1 = none).  If the latter are further off,
+    errors last for several frames, and average out as slowly as white noise of (1 + r) / (1 - r) times their variance,
+    r being the correlation of neighbours (first-order autoregression).
     """
-    if len(values) < _LEAST_SCATTER + 2:
-        return 1.0
-    middle = (values[:-2] + values[2:]) / 2
-    spread = covariance[1:-1] + (covariance[:-2] + covariance[2:]) / 4
-    whole = known(middle) & known(values[1:-1]) & known(spread, 2)
+    still = rest >= 0
+    slow = _scatter(values[still], covariance[still], rest[still], _LAG)
+    if slow is None:
+        quick = _scatter(values, covariance, np.zeros(len(values), np.int64), 1)
+        return 1.0 if quick is None else float(np.clip(quick, _LEAST_SHARE, 1.0))
+    quick = _scatter(values[still], covariance[still], rest[still], 1) or slow
+    # the variance about the middle of neighbours is that of uncorrelated ones times (1 - r) (3 - r) / 3
+    correlation = min(2 - np.sqrt(1 + 3 * min(quick / max(slow, 1e-12), 1.0)), _MOST_CORRELATION)
+    return float(np.clip(slow * (1 + correlation) / (1 - correlation), _LEAST_SHARE, 1.0))
+
+
+def _scatter(values: Floats, covariance: Floats, rest: NDArray[np.int64], lag: int) -> float | None:
+    """Median square of the distance from the middle of those ``lag`` before and after, in stated variances."""
+    if len(values) < _LEAST_SCATTER + 2 * lag:
+        return None
+    before, here, after = slice(None, -2 * lag), slice(lag, -lag), slice(2 * lag, None)
+    middle = (values[before] + values[after]) / 2
+    spread = covariance[here] + (covariance[before] + covariance[after]) / 4
+    whole = known(middle) & known(values[here]) & known(spread, 2) & (rest[before] == rest[after])
     if whole.sum() < _LEAST_SCATTER:
-        return 1.0
-    gap, spread = (values[1:-1] - middle)[whole], spread[whole]
+        return None
+    gap, spread = (values[here] - middle)[whole], spread[whole]
     square = np.einsum("ni,ni->n", gap, np.linalg.solve(spread, gap[..., None])[..., 0])
-    scatter = np.median(square) / chi2.ppf(0.5, values.shape[1])
-    return float(np.clip(_SLOW * scatter, _LEAST_SHARE, 1.0))
+    return float(np.median(square) / chi2.ppf(0.5, values.shape[1]))
 
 
 def _information(covariance: Floats, measured: NDArray[np.bool_]) -> tuple[Floats, float]:
@@ -125,6 +145,7 @@ def _solved(
     n, d = values.shape
     bend = _second_differences(t_s)
     trust, calm = np.ones(n), np.ones(n - 2)
+    seen = np.einsum("nii->n", information) > 0
     track, factor = values, np.empty((3 * d, n * d))
     for _ in range(rounds):
         held = information * trust[:, None, None]
@@ -134,8 +155,21 @@ def _solved(
         error = np.einsum("ni,nij,nj->n", track - values, information, track - values)
         trust = (smoothness.outliers + d) / (smoothness.outliers + error)
         force = (_apply(bend, track) ** 2).sum(1) / smoothness.acceleration**2
+        force = _shared(force, t_s[1:-1], seen[:-2] & seen[1:-1] & seen[2:], smoothness.memory_s)
         calm = (smoothness.tails + d) / (smoothness.tails + force)
     return track, _inverse_blocks(factor, d)
+
+
+def _shared(force: Floats, t_s: Floats, seen: NDArray[np.bool_], memory_s: float) -> Floats:
+    """Squared accelerations (n,) averaged over those close in time.
+
+    Where nothing is measured, those around it count: the track itself bends as little as it can there.
+    """
+    if not seen.any():
+        return force
+    usual_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    filled = np.interp(t_s, t_s[seen], force[seen])
+    return gaussian_filter1d(filled, memory_s / usual_s, mode="nearest")
 
 
 def _second_differences(t_s: Floats) -> Floats:

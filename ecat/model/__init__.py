@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from ecat.model.annotation import (
     AnnotatedObject,
+    Argument,
+    Decision,
     Event,
     Foreign,
     KeyFrame,
@@ -35,10 +37,12 @@ from ecat.model.session import (
 
 __all__ = [
     "AnnotatedObject",
+    "Argument",
     "Camera",
     "Clock",
     "CodingScheme",
     "Constraint",
+    "Decision",
     "Event",
     "EventType",
     "Foreign",

@@ -19,12 +19,15 @@ element's text; every other field is an attribute.  ``ecat.store.xml`` reads and
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Any, Literal
 
 ObjectKind = Literal["rectangle", "polygon", "marker_box", "rig", "point", "other"]
 Origin = Literal["manual", "tracked", "provided"]
 Status = Literal["proposed", "confirmed"]
+Interpolation = Literal["linear", "hold"]
+Verdict = Literal["accepted", "rejected"]
 
 
 def _children(tag: str) -> Any:
@@ -71,7 +74,8 @@ class AnnotatedObject:
     """Something that takes part in events.
 
     ``color`` is ``#rrggbbaa``; ``stream`` names the video whose pixels the key frames count; the marks of a
-    ``marker_box`` and the joints of a ``rig`` are in tables, not here.
+    ``marker_box`` and the joints of a ``rig`` are in tables, not here.  Between two key frames the shape moves
+    in a straight line (``linear``), or stays as the first one says (``hold``).
     """
 
     id: str
@@ -83,6 +87,7 @@ class AnnotatedObject:
     stream: str = ""
     color: str = "#ff0000ff"
     line_width: int = 1
+    interpolation: Interpolation = "linear"
     properties: tuple[Property, ...] = _children("property")
     key_frames: tuple[KeyFrame, ...] = _children("key_frame")
     key_frames_3d: tuple[KeyFrame, ...] = _children("key_frame_3d")
@@ -167,9 +172,11 @@ class Argument:
 class Relation:
     """A predicate over objects that holds (``polarity``) or is denied from ``start_frame`` on.
 
-    ``end_frame`` ``None`` means: until contradicted (:mod:`ecat.model.holding` says when that is).
+    ``end_frame`` ``None`` means: until contradicted (:mod:`ecat.model.holding` says when that is).  A relation
+    that was written without an ``id`` gets one when it is read (:func:`with_relation_ids`).
     """
 
+    id: str = ""
     predicate: str
     start_frame: int
     end_frame: int | None = None
@@ -189,22 +196,49 @@ class Relation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """What a person made of a proposal: ``result`` is the id of what was accepted into the person's own layer.
+
+    ``proposal`` is ``<layer>/<id>`` of the event or relation; the layer of proposals itself is not changed.
+    """
+
+    proposal: str
+    verdict: Verdict
+    result: str = ""
+    author: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layer:
     """Everything one annotator (or one machine) said about a session.
 
-    ``object_counter`` and ``event_counter`` are the last numbers used for ids: ids of deleted things are not
-    given again.
+    The counters are the last numbers used for ids: ids of deleted things are not given again.
     """
 
     name: str = field(default="main", metadata={"always": True})
     version: Literal["1"] = field(default="1", metadata={"always": True})
     object_counter: int = 0
     event_counter: int = 0
+    relation_counter: int = 0
     scheme: str = ""
     foreign: tuple[Foreign, ...] = _children("foreign")
     objects: tuple[AnnotatedObject, ...] = _children("object")
     events: tuple[Event, ...] = _children("event")
     relations: tuple[Relation, ...] = _children("relation")
+    decisions: tuple[Decision, ...] = _children("decision")
+
+
+def with_relation_ids(layer: Layer) -> Layer:
+    """The layer, where every relation has an id: one that had none is ``r<n>`` by its position, or the next free."""
+    if all(relation.id for relation in layer.relations):
+        return layer
+    taken = {relation.id for relation in layer.relations}
+    relations: list[Relation] = []
+    for number, relation in enumerate(layer.relations, 1):
+        name = relation.id or next(name for n in count(number) if (name := f"r{n}") not in taken)
+        taken.add(name)
+        relations.append(relation if relation.id else replace(relation, id=name))
+    return replace(layer, relations=tuple(relations))
 
 
 def foreign_value(items: tuple[Foreign, ...], key: str) -> str | None:

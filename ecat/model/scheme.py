@@ -7,7 +7,7 @@ constraints are those of ECAT (UNIQUE over arguments, EXCLUSIVE over unary predi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 
@@ -35,11 +35,16 @@ class RoleType:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventType:
-    """A kind of event, the tier it lives on, its roles, and its VoxML program if there is one."""
+    """A kind of event, the tier it lives on, its roles, and its VoxML program if there is one.
+
+    ``key`` is the key of a keyboard that labels it, ``color`` is ``#rrggbb``.
+    """
 
     name: str
     tier: str = ""
     voxml: str = ""
+    key: str = ""
+    color: str = ""
     roles: tuple[RoleType, ...] = _children("role")
 
 
@@ -72,10 +77,11 @@ class Constraint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodingScheme:
-    """A versioned list of what may be said."""
+    """A versioned list of what may be said; a ``closed`` one names every tier, type, role and predicate there is."""
 
     name: str
     version: str = "1"
+    closed: bool = False
     tiers: tuple[Tier, ...] = _children("tier")
     event_types: tuple[EventType, ...] = _children("event_type")
     predicates: tuple[PredicateType, ...] = _children("predicate")
@@ -99,3 +105,48 @@ ECAT_2018_SCHEME = CodingScheme(
     ),
 )
 """The predicates and constraints that ECAT was shipped with (ECAT 2018 file format §1.10)."""
+
+_SLIDE = (RoleType(name="Agent"), RoleType(name="Theme", required=True), RoleType(name="Landmark"))
+_PART = (RoleType(name="Agent", kind="joint"), RoleType(name="Theme", required=True))
+
+BLOCKS_SCHEME = CodingScheme(
+    name="blocks",
+    tiers=ECAT_2018_SCHEME.tiers,
+    event_types=(
+        *(
+            EventType(name=f"slide_{way}", tier="event", voxml="slide", key=key, color=color, roles=_SLIDE)
+            for way, key, color in (
+                ("next", "5", "#4477aa"),
+                ("past", "6", "#66ccee"),
+                ("around", "7", "#228833"),
+                ("toward", "8", "#ccbb44"),
+                ("away", "9", "#ee6677"),
+            )
+        ),
+        *(
+            EventType(name=part, tier="sub-event", voxml=part, key=key, color=color, roles=_PART)
+            for part, key, color in (
+                ("grasp", "1", "#88ccee"),
+                ("hold", "2", "#ddcc77"),
+                ("move", "3", "#117733"),
+                ("release", "4", "#cc6677"),
+            )
+        ),
+    ),
+    predicates=(
+        *(PredicateType(name=n) for n in ("ON", "TOUCHING", "NEAR", "IDENTITY")),
+        *(PredicateType(name=n, target="event") for n in ("SUBEVENT", "CAUSE")),
+    ),
+)
+"""One block moved beside another: the actions, their parts, and who does what to what next to what."""
+
+BUILT_IN_SCHEMES = {
+    scheme.name: scheme
+    for scheme in (
+        ECAT_2018_SCHEME,
+        BLOCKS_SCHEME,
+        # the annotations of generated sessions name it
+        replace(BLOCKS_SCHEME, name="ecat-sample"),
+    )
+}
+"""The coding schemes that need no file, by name."""

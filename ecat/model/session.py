@@ -129,12 +129,17 @@ class TableRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerRecord:
-    """One annotation layer: its XML file, that file's hash, and how often it was committed."""
+    """One annotation layer: its XML file, that file's hash, and how often it was committed.
+
+    ``journal_revision`` and ``journal_bytes`` tell how much of the layer's journal the XML contains.
+    """
 
     name: str
     file: str
     sha256: str
     revision: int = 1
+    journal_revision: int = 0
+    journal_bytes: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,6 +17,7 @@ from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.process.inputs import (
     CLOCK,
     MARKS,
+    StageImages,
     annotated_objects,
     box_objects,
     color_camera,
@@ -26,7 +27,6 @@ from ecat.process.inputs import (
     mark_noise,
     session_camera,
     shapes_for,
-    stage_images,
     stage_inputs,
     table_surface,
     was_tracked,
@@ -105,9 +105,10 @@ def process_session(
     require_stages(stages or ())
     session = open_session(path)
     chosen = [stage for stage in _stages() if _wanted(stage, session, stages, smooth=smooth)]
-    run = _Run(session, prototypes, progress, len(chosen))
-    for stage in chosen:
-        run.stage(stage, force=force)
+    with StageImages(session) as images:
+        run = _Run(session, images, prototypes, progress, len(chosen))
+        for stage in chosen:
+            run.stage(stage, force=force)
     run.keep_prototypes()
     return ProcessReport(
         path=path,
@@ -220,13 +221,19 @@ class _Run:
     """One pass over the stages of a session."""
 
     def __init__(
-        self, session: Session, prototypes: Sequence[BoxPrototype] | None, progress: Progress, total: int
+        self,
+        session: Session,
+        images: StageImages,
+        prototypes: Sequence[BoxPrototype] | None,
+        progress: Progress,
+        total: int,
     ) -> None:
         self.ran: list[str] = []
         self.skipped: list[str] = []
         self.not_applicable: dict[str, str] = {}
         self.findings: list[str] = []
         self._session = session
+        self._images = images
         self._progress = progress
         self._total = total
         self._prototypes = None if prototypes is None else tuple(prototypes)
@@ -245,7 +252,7 @@ class _Run:
         if not force and not any(_changes(session, name, stage, said, hashes) for name in stage.outputs):
             self.skipped.append(stage.name)
             return
-        made = _computed(session, stage, parameters)
+        made = _computed(session, self._images, stage, parameters)
         with session.write() as commit:
             if "prototypes" in said and boxes is self._prototypes:
                 commit.put_prototypes([box.to_dict() for box in boxes])
@@ -316,12 +323,12 @@ class _Run:
         return ()
 
 
-def _computed(session: Session, stage: Stage, parameters: Any) -> dict[str, pa.Table]:
+def _computed(session: Session, images: StageImages, stage: Stage, parameters: Any) -> dict[str, pa.Table]:
     tables = stage_inputs(session, stage)
     try:
         # what is not finite in the end is null in the table; how it came about is nobody's concern
-        with np.errstate(all="ignore"), stage_images(session, stage) as images:
-            return stage.run(tables, images, parameters)
+        with np.errstate(all="ignore"):
+            return stage.run(tables, images.of(stage), parameters)
     except np.linalg.LinAlgError as error:
         raise InputError(
             f"cannot run the stage {stage.name} on {session.name}",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Generator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
+from types import TracebackType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -19,7 +20,7 @@ from ecat.model import Camera as CameraRecord
 from ecat.model.prototype import BoxPrototype
 from ecat.model.session import camera_problems
 from ecat.store import Session
-from ecat.store.media import annotated_stream, open_images
+from ecat.store.media import StreamImages, annotated_stream, open_images
 
 if TYPE_CHECKING:
     from ecat.geometry.boxfit import Noise
@@ -84,19 +85,35 @@ def image_stream(session: Session, kind: str) -> Stream | None:
     return next((s for s in streams if kind != "depth" or s.camera in known), None)
 
 
-@contextmanager
-def stage_images(session: Session, stage: Stage) -> Generator[dict[str, Images]]:
-    """The streams that a stage looks at, by kind, opened; those that the session has not are missing."""
-    with ExitStack() as opened:
-        found: dict[str, Images] = {}
-        for kind in stage.images:
-            stream = image_stream(session, kind)
-            if stream is not None:
-                # colour tells nothing that grey does not, and costs three times as much
-                threads = 2 if kind == "depth" else 1  # lossless depth takes four times as long to decode
-                images = open_images(session, stream.name, gray=kind == "color", threads=threads)
-                found[kind] = opened.enter_context(images)
-        yield found
+class StageImages(AbstractContextManager["StageImages"]):
+    """The streams of a session that stages look at, each opened once for all of them.
+
+    To know where the images of a stream lie, its file has to be read from end to end, which for an hour of depth may
+    take as long as a stage.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._opened: dict[str, StreamImages] = {}
+        self._stack = ExitStack()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def of(self, stage: Stage) -> dict[str, Images]:
+        """What a stage looks at, by kind; streams that the session has not are missing."""
+        streams = {kind: image_stream(self._session, kind) for kind in stage.images}
+        return {kind: self._images(stream) for kind, stream in streams.items() if stream is not None}
+
+    def _images(self, stream: Stream) -> StreamImages:
+        if stream.name not in self._opened:
+            # colour tells nothing that grey does not, and costs three times as much; a second thread decodes while the
+            # stage is at work
+            images = open_images(self._session, stream.name, gray=stream.kind == "color", threads=2)
+            self._opened[stream.name] = self._stack.enter_context(images)
+        return self._opened[stream.name]
 
 
 def sane(table: pa.Table) -> pa.Table:

@@ -32,9 +32,7 @@ class DepthGauge:
         if camera is None or self._detector.camera is None or not len(self._there):
             return fine
         nearest = int(np.argmin(np.abs(self._there - self._when[image])))
-        measured = next(iter(self._depth.read([nearest])), None)
-        if measured is None:
-            return fine
+        [measured] = self._depth.read([nearest])
         # both poses of a square are equally far away
         centre = self._detector.poses(found)[0].translation
         distance = camera.from_reference.apply(centre)[:, 2]

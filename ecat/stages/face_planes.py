@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -12,28 +14,35 @@ from numpy.typing import NDArray
 
 from ecat.geometry.boxes import corner_order, match_codes, square_poses
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
-from ecat.geometry.depth import RangeNoise
+from ecat.geometry.depth import DepthCamera, RangeNoise
 from ecat.geometry.faceplanes import FaceFit, fit_faces
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import Images, ImagesByKind
-from ecat.stages.sightings import Faces, read_faces
+from ecat.stages.sightings import PIXELS, Faces, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import FACE_PLANES
+
+_TOGETHER = 16
+"""Depth images whose faces are fitted at once."""
 
 
 @dataclass(frozen=True)
 class FacePlaneParameters:
     """``prototypes`` tell how large the faces are, and so roughly how far away.
 
-    ``max_gap_s``: the depth image nearest in time is not used if it is further away.  ``steady_m``: error of depth that
-    repeats itself all over a face.  ``noise``: how far single pixels scatter.  ``shrink``, ``margin_px``: what of a
+    ``max_gap_s``: the depth image nearest in time is not used if it is further away.  ``still_px``, ``still_images``: a
+    face whose corners stay within so many pixels still shows the plane that was measured last, for so many depth
+    images, which need not be decoded if all their faces stand still.  ``steady_m``: error of depth that repeats itself
+    all over a face.  ``noise``: how far single pixels scatter.  ``shrink``, ``margin_px``: what of a
     face is used; pixels near its outline may show what is behind it.  ``min_points``: with fewer, there is no plane.
     """
 
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
     camera: Camera = KINECT_V2_COLOR
     max_gap_s: float = 0.02
+    still_px: float = 0.3
+    still_images: int = 8
     steady_m: float = 0.006
     noise: RangeNoise = field(default_factory=RangeNoise)
     shrink: float = 0.9
@@ -67,25 +76,61 @@ def fit_face_planes(
     marked, quads, image = marked[use], quads[use], image[use]
     if not len(image):
         return FACE_PLANES.arrow.empty_table()
-    fits: list[FaceFit] = []
-    found: list[NDArray[np.intp]] = []
     by = np.argsort(image, kind="stable")
-    groups = np.split(by, np.flatnonzero(np.diff(image[by])) + 1)
-    for picture, group in zip(depth.read([int(image[group[0]]) for group in groups]), groups, strict=True):
-        fits.append(
-            fit_faces(
-                picture,
-                quads[group],
-                depth.camera,
-                unit_m=depth.unit_m,
-                noise=parameters.noise,
-                steady_m=parameters.steady_m,
-                shrink=parameters.shrink,
-                margin_px=parameters.margin_px,
-            )
+    marked, quads, image = marked[by], quads[by], image[by]
+    measured = _measured(markers_2d, marked, image, parameters)
+    own = np.flatnonzero(measured == np.arange(len(measured)))
+    fits = _fits(depth.read(np.unique(image[own]).tolist()), image[own], quads[own], depth, parameters)
+    fit = FaceFit.joined(list(fits))[np.searchsorted(own, measured)]
+    return _table(markers_2d, marked, fit, parameters.min_points)
+
+
+def _fits(
+    pictures: Iterator[NDArray[Any]],
+    image: NDArray[np.int64],
+    quads: Floats,
+    depth: Images,
+    parameters: FacePlaneParameters,
+) -> Iterator[FaceFit]:
+    """Planes of ``quads`` (n, 4, 2), each in ``image`` (n,) ascending, of some images at a time: less work than one."""
+    assert depth.camera is not None
+    camera = DepthCamera(depth.camera, depth.unit_m)
+    _, starts, which = np.unique(image, return_index=True, return_inverse=True)
+    for block in np.split(np.arange(len(image)), starts[_TOGETHER::_TOGETHER]):
+        yield fit_faces(
+            islice(pictures, int(which[block[-1]] - which[block[0]]) + 1),
+            quads[block],
+            which[block],
+            camera,
+            noise=parameters.noise,
+            steady_m=parameters.steady_m,
+            shrink=parameters.shrink,
+            margin_px=parameters.margin_px,
         )
-        found.append(group)
-    return _table(markers_2d, marked[np.concatenate(found)], FaceFit.joined(fits), parameters.min_points)
+
+
+def _measured(
+    markers_2d: pa.Table, marked: NDArray[np.intp], image: NDArray[np.int64], parameters: FacePlaneParameters
+) -> NDArray[np.intp]:
+    """For each of the rows ``marked`` of depth images ``image`` (n,), ascending, that (n,) whose plane it has: its own,
+    or where it is still the same, that of an image before.
+    """
+    columns = [markers_2d[name].to_numpy()[marked] for name in PIXELS]
+    corners = np.stack([np.asarray(column, float) for column in columns], -1)
+    names = [markers_2d[name].cast(pa.string()).combine_chunks() for name in ("object_id", "code")]
+    thing, code = (name.dictionary_encode().indices.to_numpy()[marked] for name in names)
+    face = thing.astype(np.int64) * (int(code.max()) + 1) + code
+    last = np.full(face.max() + 1, -1)
+    measured = np.arange(len(marked))
+    starts = np.flatnonzero(np.diff(image, prepend=-1))
+    for start, end in zip(starts, [*starts[1:], len(image)], strict=True):
+        before = last[face[start:end]]
+        recent = (before >= 0) & (image[start] - image[before] < parameters.still_images)
+        if (recent & (np.abs(corners[start:end] - corners[before]).max(1) <= parameters.still_px)).all():
+            measured[start:end] = before
+        else:
+            last[face[start:end]] = np.arange(start, end)
+    return measured
 
 
 def depth_pixels(rings: Floats, centre: Floats, color: Camera, depth: Camera) -> Floats:
@@ -155,7 +200,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: FacePlaneParameters) 
 
 FACE_PLANES_STAGE = Stage(
     name="face_planes",
-    version=1,
+    version=2,
     inputs=("markers_2d",),
     outputs=("face_planes",),
     parameters=FacePlaneParameters,

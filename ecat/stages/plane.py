@@ -21,7 +21,8 @@ from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import Images, ImagesByKind
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
-from ecat.stages.table_depth import fit_table_in_depth
+from ecat.stages.table_depth import fit_table_in_depth, outline_table
+from ecat.stages.tie import tied
 from ecat.tables import TABLE_PLANE
 
 MIN_BOX_FRAMES = 20
@@ -170,7 +171,7 @@ def _rows(fit: PlaneFit, frame: Rigid, evidence: str, n_points: int, extra: int 
     )
     schema = TABLE_PLANE.arrow
     unknown = [name for name in ("rms_m", "max_m") if not np.isfinite(getattr(fit, name))]
-    row = {name: None if name in unknown else values[name] for name in schema.names}
+    row = {name: None if name in unknown else values.get(name) for name in schema.names}
     return pa.Table.from_pylist([row], schema=schema)
 
 
@@ -189,7 +190,21 @@ def _run(tables: Tables, images: ImagesByKind, parameters: PlaneParameters) -> d
     evidence = polygon, tables.get("markers_2d"), tables.get("markers_3d"), parameters
     depth = images.get("depth")
     plane = fit_table(*evidence) if depth is None else _fit_with_depth(depth, *evidence)
-    return {"table_plane": plane}
+    if depth is None or plane.num_rows < 2:
+        return {"table_plane": plane}
+    marks = tables.get("markers_2d"), tables.get("markers_3d")
+    boxes = _standing_boxes(*marks, parameters, unmeasured=True)
+    return {
+        "table_plane": tied(
+            plane,
+            boxes,
+            parameters.prototypes,
+            parameters.camera,
+            parameters.noise,
+            outlines=outline_table(depth, plane),
+            depth_camera=depth.camera,
+        )
+    }
 
 
 def _fit_with_depth(
@@ -213,7 +228,7 @@ def _fit_with_depth(
 
 PLANE = Stage(
     name="plane",
-    version=1,
+    version=2,
     inputs=("keyframes", "markers_2d", "markers_3d"),
     images=("depth",),
     outputs=("table_plane",),

@@ -23,6 +23,7 @@ from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
 from ecat.stages.series import Series, sets_back
 from ecat.stages.stage import Stage, Tables
+from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
     EVIDENCE,
     HandTrack,
@@ -127,25 +128,30 @@ def propose_events(
     """The table ``event_proposals``: actions and their parts.
 
     ``poses`` should not be smoothed: rests are found in spite of noise, and sharper without.  ``markers_*`` tell which
-    prototype an object is; hands are looked at where ``joints`` has them.
+    prototype an object is; hands are looked at where ``joints`` has them.  No action goes on across a move of the
+    camera after which nothing ties the table's frames.
     """
     parameters = parameters or ProposeParameters()
-    line = timeline(clock)
     boxes = object_boxes((markers_2d, markers_3d), parameters.prototypes, mirrored=parameters.camera.mirrored)
-    tracks = read_tracks(poses, boxes, line)
-    hands = read_hands(joints, table_plane, line, parameters.hands)
-    carries = [carry for track in tracks for carry in _carries(track, hands, line, parameters)]
-    scene = _Scene(tracks, carries, line, parameters)
-    actions = sorted(
-        grouped(carries, _regrasped(scene)),
-        key=lambda action: (action[0].whole[0], action[0].track.object_id),
-    )
-    ways = [_way(action, scene) for action in actions]
-    back = sets_back([way.kind for way in ways], parameters.series)
+    found: list[tuple[_Action, _Way, Timeline]] = []
+    for part, placed in zip(pieces(clock, table_plane), pieces(poses, table_plane), strict=True):
+        if not part.num_rows:
+            continue
+        line = timeline(part)
+        tracks = read_tracks(placed, boxes, line)
+        hands = read_hands(joints, table_plane, line, parameters.hands)
+        carries = [carry for track in tracks for carry in _carries(track, hands, line, parameters)]
+        scene = _Scene(tracks, carries, line, parameters)
+        actions = sorted(
+            grouped(carries, _regrasped(scene)),
+            key=lambda action: (action[0].whole[0], action[0].track.object_id),
+        )
+        found += [(action, _way(action, scene), line) for action in actions]
+    back = sets_back([way.kind for _, way, _ in found], parameters.series)
     ids = (f"a{number}" for number in count(1))
     rows = [
         row
-        for action, way, only_set in zip(actions, ways, back, strict=True)
+        for (action, way, line), only_set in zip(found, back, strict=True)
         for row in _rows(action, "set" if only_set else _verb(action, parameters), way, line, ids)
     ]
     rows.sort(key=lambda row: (row["start_frame"], row["event_id"]))
@@ -298,7 +304,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
 
 PROPOSE = Stage(
     name="propose",
-    version=2,
+    version=3,
     inputs=("clock", "poses", "table_plane", *EVIDENCE),
     outputs=("event_proposals",),
     parameters=ProposeParameters,

@@ -20,6 +20,7 @@ from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
 from ecat.stages.stage import Stage, Tables
+from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
     EVIDENCE,
     HandTrack,
@@ -86,13 +87,26 @@ def propose_relations(
 
     ``poses`` may be smoothed or not; ``markers_*`` tell which prototype an object is; hands are looked at where
     ``joints`` has them.  Of a relation and its converse (LEFT_OF and RIGHT_OF, ...) one is written, with the object
-    of the smaller id first; ON and ABOVE are written both ways.
+    of the smaller id first; ON and ABOVE are written both ways.  All end where the camera was moved and nothing ties
+    the table's frames.
     """
     parameters = parameters or RelationParameters()
-    line = timeline(clock)
     boxes = object_boxes((markers_2d, markers_3d), parameters.prototypes, mirrored=parameters.camera.mirrored)
-    tracks = read_tracks(poses, boxes, line)
-    hands = read_hands(joints, table_plane, line, tuple(HANDS))
+    rows: list[dict[str, Any]] = []
+    for part, placed in zip(pieces(clock, table_plane), pieces(poses, table_plane), strict=True):
+        if not part.num_rows:
+            continue
+        line = timeline(part)
+        tracks = read_tracks(placed, boxes, line)
+        hands = read_hands(joints, table_plane, line, tuple(HANDS))
+        rows += _rows(_facts(tracks, hands, line, parameters), line)
+    rows.sort(key=lambda row: (row["start_frame"], row["predicate"], row["arguments"]))
+    return pa.Table.from_pylist(rows, schema=RELATION_PROPOSALS.arrow)
+
+
+def _facts(
+    tracks: Sequence[Track], hands: Sequence[HandTrack], line: Timeline, parameters: RelationParameters
+) -> list[_Fact]:
     facts = [fact for track in tracks for fact in _of_one(track, hands, line, parameters)]
     for a, b in combinations(tracks, 2):
         facts += _of_two(a, b, line, parameters)
@@ -102,11 +116,11 @@ def propose_relations(
             moving[fact.arguments[0]].append(fact.held)
     for a, b in combinations(tracks, 2):
         facts += _together(a, b, moving, line, parameters)
-    return _table(facts, line)
+    return facts
 
 
-def _table(facts: Sequence[_Fact], line: Timeline) -> pa.Table:
-    rows = [
+def _rows(facts: Sequence[_Fact], line: Timeline) -> list[dict[str, Any]]:
+    return [
         {
             "predicate": fact.predicate,
             "arguments": list(fact.arguments),
@@ -116,8 +130,6 @@ def _table(facts: Sequence[_Fact], line: Timeline) -> pa.Table:
         | line.interval(fact.held.start, fact.held.end)
         for fact in facts
     ]
-    rows.sort(key=lambda row: (row["start_frame"], row["predicate"], row["arguments"]))
-    return pa.Table.from_pylist(rows, schema=RELATION_PROPOSALS.arrow)
 
 
 def _of_one(
@@ -225,7 +237,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
 
 RELATIONS = Stage(
     name="relations",
-    version=2,
+    version=3,
     inputs=("clock", "poses", "poses_smooth", "table_plane", *EVIDENCE),
     outputs=("relation_proposals",),
     parameters=RelationParameters,

@@ -10,11 +10,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ecat.geometry.rest import Stillness, find_rests
 from ecat.geometry.smoothing import Smoothness, random_share, smooth_track
 from ecat.geometry.transforms import Floats, known, quaternion_angle, skew
 from ecat.stages.images import ImagesByKind
 from ecat.stages.pose import LISTS, NUMBERS, UPPER, ObjectPoses, pose_table
 from ecat.stages.stage import Stage, Tables
+from ecat.stages.tie import pieces
 from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
@@ -35,16 +37,23 @@ class SmoothParameters:
     spin: float = 1.0
 
 
-def smooth_poses(poses: pa.Table, parameters: SmoothParameters | None = None) -> pa.Table:
+def smooth_poses(
+    poses: pa.Table, parameters: SmoothParameters | None = None, *, table_plane: pa.Table | None = None
+) -> pa.Table:
     """The table ``poses_smooth``: every frame uses what was observed before and after it.
 
     Observed frames stay ``observed``, of two poses that explain one alike (``alternative``) the one that agrees with
     the frames around it; gaps up to ``max_gap_s`` become ``interpolated``, with a covariance that grows with the
     distance from the next observation; nothing is continued beyond the first or last one.  Position and rotation are
     smoothed apart: what they have to do with each other is not in the covariance.  Without times (``t_ns`` null) frames
-    count as thirtieths of a second.
+    count as thirtieths of a second.  Where ``table_plane`` says that the camera was moved and nothing ties the table's
+    frames, what is before and after is smoothed apart.
     """
     parameters = parameters or SmoothParameters()
+    return pa.concat_tables([_smoothed_piece(part, parameters) for part in pieces(poses, table_plane)])
+
+
+def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> pa.Table:
     objects = sorted({str(name) for name in poses["object_id"].to_pylist()})
     tracks = [poses.filter(pc.field("object_id").cast(pa.string()) == name) for name in objects]
     clock = tracks[0] if tracks else poses
@@ -70,12 +79,13 @@ def _smoothed(name: str, track: pa.Table, parameters: SmoothParameters) -> Objec
     _decide(t_s, (places, turns), numbers["sigma_rad"], _lists(track, "alternative"), parameters)
     spread = np.full(covariance.shape, np.nan)
     for part in _stretches(t_s, observed, parameters.max_gap_s):
+        rest = _rests(t_s[part], places[part], numbers["sigma_m"][part])
         place, spread_m = _without_scatter(
-            t_s[part], places[part], covariance[part, :3, :3], parameters.place
+            t_s[part], places[part], covariance[part, :3, :3], rest, parameters.place
         )
         turn = _same_sign(turns[part])
         by_turn = _quaternion_covariance(turn, covariance[part, 3:, 3:])
-        turn, by_turn = _without_scatter(t_s[part], turn, by_turn, parameters.turn)
+        turn, by_turn = _without_scatter(t_s[part], turn, by_turn, rest, parameters.turn)
         turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
         places[part], turns[part] = place, np.where(turn[:, 3:] < 0, -turn, turn)
         spread[part] = 0.0
@@ -90,11 +100,20 @@ def _smoothed(name: str, track: pa.Table, parameters: SmoothParameters) -> Objec
     return ObjectPoses(name, numbers, lists, source, free, n_faces.astype(np.int64))
 
 
+def _rests(t_s: Floats, places: Floats, sigma_m: Floats) -> NDArray[np.int64]:
+    """The number (n,) of the rest that a row belongs to, -1 if it is seen on its way or not at all."""
+    rest = np.full(len(t_s), -1)
+    seen = np.flatnonzero(known(places) & np.isfinite(sigma_m))
+    for number, found in enumerate(find_rests(t_s[seen], places[seen], sigma_m[seen], Stillness())):
+        rest[seen[found.first : found.last + 1]] = number
+    return rest
+
+
 def _without_scatter(
-    t_s: Floats, values: Floats, covariance: Floats, smoothness: Smoothness
+    t_s: Floats, values: Floats, covariance: Floats, rest: NDArray[np.int64], smoothness: Smoothness
 ) -> tuple[Floats, Floats]:
     """Smoothed by as much as the values scatter; errors that stay the same remain in the covariance."""
-    share = random_share(values, covariance)
+    share = random_share(values, covariance, rest)
     track, spread = smooth_track(t_s, values, share * covariance, smoothness)
     measured = covariance[np.isfinite(covariance).all((1, 2))]
     return track, spread + (1 - share) * np.median(measured, axis=0)
@@ -204,14 +223,16 @@ def _carried(free: NDArray[np.bool_], observed: NDArray[np.bool_]) -> NDArray[np
 
 def _run(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> dict[str, pa.Table]:
     del images
-    return {"poses_smooth": smooth_poses(tables["poses"], parameters)}
+    smoothed = smooth_poses(tables["poses"], parameters, table_plane=tables.get("table_plane"))
+    return {"poses_smooth": smoothed}
 
 
 SMOOTH = Stage(
     name="smooth",
-    version=2,
-    inputs=("poses",),
+    version=3,
+    inputs=("poses", "table_plane"),
     outputs=("poses_smooth",),
     parameters=SmoothParameters,
     run=_run,
+    optional=("table_plane",),
 )

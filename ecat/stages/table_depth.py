@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -38,8 +39,8 @@ from ecat.stages.images import Images, ImagesByKind
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import TABLE_OUTLINE, TABLE_PLANE
 
-MOST_IMAGES = 60
-"""Depth images looked at, spread over the whole recording."""
+MOST_IMAGES, MOST_FOR_OUTLINE = 60, 20
+"""Depth images looked at for the plane and for its outline, spread over the whole recording or a place's part of it."""
 MOST_BYTES = 64_000_000
 """What they may take up together; of large images fewer are looked at."""
 
@@ -62,6 +63,11 @@ class _Place:
     stack: NDArray[np.uint16]
     first: int
 
+    @cached_property
+    def resting(self) -> NDArray[np.float64]:
+        """What was mostly seen (height, width), in units of the images."""
+        return resting_depth(self.stack)
+
 
 @dataclass(frozen=True, eq=False)
 class _Film:
@@ -77,7 +83,7 @@ class _Film:
 
     def resting(self, place: _Place) -> Floats:
         """Metres (height, width) of what was mostly seen, without flying pixels."""
-        z = resting_depth(place.stack) * self.camera.unit_m
+        z = place.resting * self.camera.unit_m
         return np.where(steady(z), z, np.nan)
 
 
@@ -133,9 +139,8 @@ def outline_table(depth: Images, table_plane: pa.Table, noise: RangeNoise | None
         valid = np.flatnonzero((np.asarray(depth.frame) >= row["frame"]) & (np.asarray(depth.frame) < end))
         if not len(valid):
             continue
-        surface = surface_near(
-            *_own_plane(row, film.camera), film.resting(_looked_at(film, valid)), film.camera.rays, film.noise
-        )
+        z = film.resting(_looked_at(film, valid, MOST_FOR_OUTLINE))
+        surface = surface_near(*_own_plane(row, film.camera), z, film.camera.rays, film.noise)
         if surface is None:
             continue
         for k, corner in enumerate(_in_reference(outline(surface, film.camera.rays), film.camera).tolist()):
@@ -162,10 +167,10 @@ def _unfit(where: str, fix: str) -> InputError:
     )
 
 
-def _looked_at(film: _Film, among: NDArray[np.intp]) -> _Place:
-    """Images spread evenly over those with the indices ``among`` (n,)."""
+def _looked_at(film: _Film, among: NDArray[np.intp], most: int) -> _Place:
+    """At ``most`` so many images, spread evenly over those with the indices ``among`` (n,)."""
     size = film.camera.rays[..., 0].size
-    most = int(np.clip(MOST_BYTES // (2 * size), 12, MOST_IMAGES))
+    most = int(np.clip(MOST_BYTES // (2 * size), 12, most))
     index = among[np.unique(np.linspace(0, len(among) - 1, min(most, len(among))).round().astype(int))]
     stack = np.array(list(film.images.read(index.tolist())), np.uint16)
     return _Place(index, stack, int(index[0]))
@@ -175,7 +180,7 @@ def _places(film: _Film) -> list[_Place]:
     """The places of the camera, one after the other: first those far apart, then those that differ for the table."""
     if not len(film.images):
         raise _unfit("there is no depth image", "ecat check")
-    whole = _looked_at(film, np.arange(len(film.images)))
+    whole = _looked_at(film, np.arange(len(film.images)), MOST_IMAGES)
     if not whole.stack.any():
         raise _unfit("nothing was measured in the depth images", "draw the table as a 3-D polygon")
     places = _split(film, whole, thinned(np.ones(whole.stack.shape[1:], bool)), STILL_SHARE)
@@ -197,6 +202,8 @@ def _split(film: _Film, place: _Place, pixels: NDArray[np.intp], share: float) -
     views = film.views(place.stack, pixels)
     parts: list[_Place] = []
     for found in standpoints(changes(views, views, film.noise, share)):
+        if len(found.members) == len(place.index):
+            return [place]
         start = int(found.members[0])
         first = place.first
         if parts:
@@ -283,7 +290,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: OutlineParameters) ->
 
 OUTLINE = Stage(
     name="outline",
-    version=1,
+    version=2,
     inputs=("table_plane",),
     images=("depth",),
     outputs=("table_outline",),

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from ecat.store.commit import Commit
 from ecat.store.integrity import Fault, adopt_edited_layers, leftovers, remove_leftovers, validate
-from ecat.store.journal import append_journal, read_journal
+from ecat.store.journal import HeldJournal, Journal, Place
 from ecat.store.manifest import manifest_schema, project_schema
 from ecat.store.output import staged_file, write_new_file
 from ecat.store.parquet import TableData
@@ -27,12 +27,14 @@ __all__ = [
     "Commit",
     "Draft",
     "Fault",
+    "HeldJournal",
+    "Journal",
+    "Place",
     "Project",
     "Session",
     "TableData",
     "TableView",
     "adopt_edited_layers",
-    "append_journal",
     "create_project",
     "create_session",
     "fill_session",
@@ -42,7 +44,6 @@ __all__ = [
     "open_project",
     "open_session",
     "project_schema",
-    "read_journal",
     "remove_leftovers",
     "staged_file",
     "staged_folder",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ecat.errors import UsageError
+from ecat.errors import StaleError, UsageError
 from ecat.model import Layer, LayerRecord, Manifest, Stream, TableRecord
+from ecat.model.annotation import with_relation_ids
 from ecat.store import files
+from ecat.store.journal import START, Journal, Place, replacement
 from ecat.store.manifest import SESSION_FILE, dump_manifest, is_file_name, layer_file, table_file
 from ecat.store.parquet import TableData, write_table
 from ecat.store.publish import publish
@@ -25,18 +28,51 @@ R = TypeVar("R", LayerRecord, TableRecord)
 
 
 class Commit:
-    """A change of a session: all that is put in here counts once the block of ``session.write()`` ends."""
+    """A change of a session: all that is put in here counts once the block of ``session.write()`` ends.
 
-    def __init__(self, new: NewFiles, manifest: Manifest, read_layer: Callable[[str], Layer]) -> None:
+    ``moved_on`` are the layers that others have changed since the one who writes has read them.
+    """
+
+    def __init__(
+        self,
+        new: NewFiles,
+        manifest: Manifest,
+        read_layer: Callable[[str], Layer],
+        moved_on: Collection[str] = (),
+    ) -> None:
         self._new = new
         self._before = manifest
         self._manifest = manifest
         self._read_layer = read_layer
+        self._moved_on = moved_on
         self._layers: dict[str, Layer] = {}
+        self._journals: dict[str, Place] = {}
         self._publish = not manifest.tables
 
-    def put_layer(self, layer: Layer) -> None:
-        """Add an annotation layer, or replace the one of that name; the published tables follow."""
+    def put_layer(self, layer: Layer, *, contains: Place | None = None) -> None:
+        """Add an annotation layer, or replace the one of that name; the published tables follow.
+
+        The journal of a layer gets a record of the replacement, and loses nothing.  ``contains`` is how much of it
+        ``layer`` takes into account, as much as the layer's XML by default.
+
+        Raises
+        ------
+        StaleError : others have changed the layer since it was read.
+        """
+        if layer.name in self._moved_on:
+            raise self._stale(layer.name)
+        self._put_layer(layer)
+        old = self._before.layer(layer.name)
+        if Journal(self._new.folder, layer.name).size():
+            known = Place(old.journal_revision, old.journal_bytes) if old else START
+            self._journals[layer.name] = contains or known
+
+    def put_checkpoint(self, layer: Layer, place: Place) -> None:
+        """Replace a layer by what it is at a place of its journal."""
+        self._journals.pop(layer.name, None)
+        self._put_layer(layer, place)
+
+    def _put_layer(self, layer: Layer, place: Place = START) -> None:
         if not is_file_name(layer.name):
             raise UsageError(
                 f"cannot write layer {layer.name!r}",
@@ -45,13 +81,40 @@ class Commit:
             )
         old = self._before.layer(layer.name)
         file = layer_file(layer.name)
-        sha256 = self._write(file, layer_to_xml(layer))
         record = LayerRecord(
-            name=layer.name, file=file, sha256=sha256, revision=old.revision + 1 if old else 1
+            name=layer.name,
+            file=file,
+            sha256=self._write(file, layer_to_xml(layer)),
+            revision=old.revision + 1 if old else 1,
+            journal_revision=place.revision,
+            journal_bytes=place.offset,
         )
         self._manifest = replace(self._manifest, layers=_with(self._manifest.layers, record))
         self._layers[layer.name] = layer
         self._publish = True
+
+    def _continue_journal(self, name: str, contains: Place, until_committed: ExitStack) -> None:
+        """Record that a layer is replaced; nobody else appends until the commit is done, or has failed."""
+        journal = Journal(self._new.folder, name)
+        held = until_committed.enter_context(journal.hold())
+        if held.news(contains):
+            raise self._stale(name)
+        old, place = journal.replay(contains.revision)
+        record = replacement(place.revision + 1, old, with_relation_ids(self._layers[name]))
+        if record.changes:
+            place = until_committed.enter_context(held.appended(place, record))
+        mine = self._manifest.layer(name)
+        if mine is not None:
+            mine = replace(mine, journal_revision=place.revision, journal_bytes=place.offset)
+            self._manifest = replace(self._manifest, layers=_with(self._manifest.layers, mine))
+
+    def _stale(self, name: str) -> StaleError:
+        return StaleError(
+            f"cannot replace layer {name}",
+            where=f"{self._new.folder}: others have edited it since it was read",
+            consequence="nothing was written",
+            fix="run it again; in Python, session.refresh() first",
+        )
 
     def put_table(self, name: str, table: TableData) -> None:
         """Add the table called ``name``, or replace it; rows that come as an iterable are consumed now."""
@@ -132,10 +195,15 @@ class Commit:
         streams = tuple(known(s) if s.name == name else s for s in self._manifest.streams)
         self._manifest = replace(self._manifest, streams=streams)
 
-    def close(self, revision: int) -> bool:
-        """Write what follows from what was put, published tables and manifest; false if nothing was put."""
+    def close(self, revision: int, until_committed: ExitStack) -> bool:
+        """Write what follows from what was put, published tables and manifest; false if nothing was put.
+
+        What the journals got is taken back if the block of ``until_committed`` fails.
+        """
         if self._manifest == self._before and not self._new.sha256 and not self._publish:
             return False
+        for name, contains in self._journals.items():
+            self._continue_journal(name, contains, until_committed)
         if self._publish:
             self._put_published()
         manifest = replace(self._manifest, revision=revision)

@@ -11,7 +11,8 @@ import io
 import os
 import shutil
 import stat
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -19,6 +20,7 @@ from typing import BinaryIO
 from ecat.errors import FormatError, LimitError, SchemaError, os_error
 
 _CHUNK = 1 << 20
+_SYNCS_AT_ONCE = 4
 
 
 def _go_on(action: str, path: Path) -> None:
@@ -157,6 +159,13 @@ def sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def sync_all(paths: Sequence[Path]) -> None:
+    """:func:`sync` each of ``paths``, several at a time: a disk can bring many to an end together."""
+    with ThreadPoolExecutor(_SYNCS_AT_ONCE) as pool:
+        for _ in pool.map(sync, paths):
+            pass
 
 
 def rename(source: Path, target: Path) -> None:

@@ -1,119 +1,227 @@
-"""The journal of a layer: one line of JSON per operation, on the disk before it is acknowledged.
- A process that dies while it appends leaves a torn last line, which was never acknowledged: readers pass over
-it, and the next append removes it.
+"""The journal of a layer: one line of JSON per step of its history, on the disk before it is acknowledged.
+
+The first line is the layer as it was before the first step, so that the journal alone tells every state that the
+layer ever had; the others are records (:class:`ecat.model.record.Record`), numbered by their ``revision``.
+The layer's XML contains the journal up to a checkpoint that the manifest names; what lies behind it is taken
+over by whoever opens the session next (:mod:`ecat.store.checkpoint`).
+A torn last line was never acknowledged (:mod:`ecat.store.lines`).
 """
 
 from __future__ import annotations
 
-import io
-import json
-import os
-from collections.abc import Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
-from pydantic_core import from_json
-
-from ecat.errors import CorruptError, NotFoundError, UsageError
+from ecat.errors import CorruptError, UsageError
+from ecat.model import Layer
+from ecat.model.changes import diff, to_json
+from ecat.model.changes import from_json as element_from_json
+from ecat.model.document import Document
+from ecat.model.record import Record
 from ecat.store import files
+from ecat.store.lines import append_at, encoded, whole_lines
 from ecat.store.lock import exclusive
 from ecat.store.manifest import is_file_name
-from ecat.store.session import Session
 
-_BLOCK = 1 << 16
-MAX_BYTES = 1 << 30
+_ADVICE = "ecat check names what is wrong, ecat check --repair begins a new journal"
 
 
-def append_journal(session: Session, layer: str, record: Mapping[str, object]) -> None:
-    """Append ``record`` to the journal of ``layer``; when this returns, it is on the disk.
+@dataclass(frozen=True, slots=True)
+class Place:
+    """How far somebody has read a journal: the last revision, and the byte after its line."""
 
-    Raises
-    ------
-    UsageError : ``record`` is not JSON, or ``layer`` is not a name.
-    DiskError, ReadOnlyError : nothing was appended.
-    """
-    path = _path(session, layer)
-    try:
-        line = (
-            json.dumps(dict(record), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
-            + b"\n"
-        )
-    except (TypeError, ValueError) as error:
-        fix = "give what JSON can hold"
-        raise UsageError(f"cannot append to {path.name}", where=f"not JSON: {error}", fix=fix) from None
-    with files.typed_errors(f"cannot append to {path.name}", path, "nothing was appended"):
-        files.make_folder(path.parent)
-        is_new = not path.exists()
-        _append(path, line)
-        if is_new:
-            files.sync(path.parent)
-            files.sync(session.path)
+    revision: int = 0
+    offset: int = 0
 
 
-def read_journal(session: Session, layer: str) -> list[dict[str, Any]]:
-    """Every acknowledged record of the journal of ``layer``, oldest first; empty if there is no journal.
+START = Place()
+
+
+class Journal:
+    """The journal of one layer of the session in ``folder``, which need not be there yet.
 
     Raises
     ------
-    CorruptError : a line other than the last is not a record.
-    LimitError : more than a gibibyte.
+    UsageError : ``layer`` is not a name.
     """
-    path = _path(session, layer)
-    try:
-        with files.typed_errors(f"cannot read {path.name}", path):
-            data = files.read_bytes(path, MAX_BYTES)
-    except NotFoundError:
-        return []
-    records = [_record(line) for line in io.BytesIO(data)]
-    if None in records[:-1]:
-        raise CorruptError(
-            f"cannot read {path.name}",
-            where=f"{path}: line {records.index(None) + 1} is not a record",
-            consequence="the annotation itself is unaffected",
-            fix="remove the line, or restore the file",
-        )
-    return [record for record in records if record is not None]
 
+    def __init__(self, folder: Path, layer: str) -> None:
+        if not is_file_name(layer):
+            fix = "take letters, digits, '_', '-', '.' and spaces"
+            raise UsageError(
+                f"cannot use the journal of layer {layer!r}", where="not a layer's name", fix=fix
+            )
+        self.layer = layer
+        self.folder = folder
+        self.path = files.confined(folder, f"annotations/{layer}.journal.jsonl")
 
-def _path(session: Session, layer: str) -> Path:
-    if not is_file_name(layer):
-        fix = "take letters, digits, '_', '-', '.' and spaces"
-        raise UsageError(f"cannot use the journal of layer {layer!r}", where="not a layer's name", fix=fix)
-    return files.confined(session.path, f"annotations/{layer}.journal.jsonl")
-
-
-def _append(path: Path, line: bytes) -> None:
-    with files.open_journal(path) as file, exclusive(file.fileno(), path):
-        end = _end_of_whole_lines(file)
+    def size(self) -> int:
+        """Bytes of the file; 0 if there is none."""
         try:
-            file.truncate(end)
-            file.seek(end)
-            files.append(file, path, line)
+            return self.path.stat().st_size
         except OSError:
-            file.truncate(end)
+            return 0
+
+    @contextmanager
+    def hold(self) -> Generator[HeldJournal]:
+        """Keep everybody else from appending for the time of the block; the file is made if it is not there.
+
+        Raises
+        ------
+        LockedError : somebody else holds it for longer than five seconds.
+        DiskError, ReadOnlyError : nothing was appended.
+        """
+        with files.typed_errors(f"cannot append to {self.path.name}", self.path, "nothing was appended"):
+            files.make_folder(self.path.parent)
+            with files.open_journal(self.path) as file, exclusive(file.fileno(), self.path):
+                yield HeldJournal(self, file)
+
+    def records(
+        self, since: Place = START, *, until: int | None = None, changes: bool = True
+    ) -> Iterator[tuple[Record, Place]]:
+        """The records after ``since``, oldest first, up to revision ``until``, each with the place behind it.
+
+        Without ``changes`` they have none, and are read faster.
+
+        Raises
+        ------
+        CorruptError : a line other than the last is not the next record.
+        LimitError : more than a gibibyte.
+        """
+        for line, end in self._lines(since.offset):
+            if not since.offset and line.get("revision") == 0:
+                continue
+            if until is not None and since.revision >= until:
+                return
+            said = line if changes else {**line, "changes": []}
+            record = self._record(said, since.revision + 1, end)
+            since = Place(record.revision, end)
+            yield record, since
+
+    def base(self) -> Layer:
+        """The layer before the first record.
+
+        Raises
+        ------
+        CorruptError : the journal does not begin with it.
+        """
+        for line, _ in self._lines(0):
+            if line.get("revision") == 0:
+                try:
+                    return element_from_json(Layer, line["layer"])
+                except (LookupError, TypeError, ValueError):
+                    break
+            break
+        raise self.damaged("it does not begin with the layer that it continues")
+
+    def replay(self, until: int | None = None) -> tuple[Layer, Place]:
+        """The layer as the journal tells it, at revision ``until`` or the last, and the place behind that.
+
+        Raises
+        ------
+        CorruptError : the journal contradicts itself.
+        """
+        document, place = Document(self.base()), START
+        for record, behind in self.records(until=until):
+            self.apply(document, record)
+            place = behind
+        return document.layer(), place
+
+    def apply(self, document: Document, record: Record) -> None:
+        """Make the changes of a record.
+
+        Raises
+        ------
+        CorruptError : the document is not what they were made in.
+        """
+        try:
+            document.apply(record.changes)
+        except (LookupError, TypeError, ValueError) as error:
+            raise self.damaged(f"revision {record.revision} does not fit the layer: {error}") from None
+
+    def damaged(self, why: str) -> CorruptError:
+        """The error for a journal that is not what it should be."""
+        return CorruptError(
+            f"cannot use the journal of layer {self.layer}",
+            where=f"{self.path}: {why}",
+            consequence="the annotation itself is as it was last saved",
+            fix=_ADVICE,
+        )
+
+    def _lines(self, offset: int) -> Iterator[tuple[dict[str, Any], int]]:
+        """Whole lines from ``offset`` on, each with the offset behind it."""
+        if not self.size():
+            return
+        with (
+            files.typed_errors(f"cannot read {self.path.name}", self.path),
+            files.open_regular(self.path) as file,
+        ):
+            yield from whole_lines(file, self.path, offset)
+
+    def _record(self, line: Mapping[str, Any], revision: int, end: int) -> Record:
+        try:
+            record = Record.from_dict(line)
+        except (LookupError, TypeError, ValueError) as error:
+            raise self.damaged(f"the line that ends at byte {end} is not a record: {error}") from None
+        if record.revision != revision:
+            raise self.damaged(f"revision {record.revision} follows, expected {revision}")
+        return record
+
+
+class HeldJournal:
+    """A journal that nobody else can append to."""
+
+    def __init__(self, journal: Journal, file: BinaryIO) -> None:
+        self._journal = journal
+        self._file = file
+
+    def news(self, since: Place) -> list[tuple[Record, Place]]:
+        """The records after ``since``, each with the place behind it; errors as in :meth:`Journal.records`."""
+        size = self._file.seek(0, 2)
+        if size == since.offset:
+            return []
+        if size < since.offset:
+            raise self._journal.damaged(f"{size} bytes, expected {since.offset} or more")
+        return list(self._journal.records(since))
+
+    def append(self, since: Place, records: Sequence[Record], *, base: Layer | None = None) -> Place:
+        """Append records after ``since``, where the whole lines end, and return the place behind them.
+
+        When this returns, they are on the disk.  ``base`` is the layer that a new journal begins with.
+        """
+        lines = [encoded(record.to_dict(), self._journal.path) for record in records]
+        if not since.offset and base is not None:
+            lines.insert(0, encoded({"revision": 0, "layer": to_json(base)}, self._journal.path))
+        data = b"".join(lines)
+        # what lies behind is torn, or a header without a record
+        append_at(self._file, self._journal.path, since.offset, data)
+        if not since.offset:
+            files.sync(self._journal.path.parent)
+            files.sync(self._journal.folder)
+        return Place(since.revision + len(records), since.offset + len(data))
+
+    @contextmanager
+    def appended(self, since: Place, record: Record) -> Generator[Place]:
+        """Append a record, and take it back if the block fails, before anybody knows of it."""
+        place = self.append(since, [record])
+        try:
+            yield place
+        except BaseException:
+            self._file.truncate(since.offset)
             raise
 
 
-def _end_of_whole_lines(file: BinaryIO) -> int:
-    size = file.seek(0, os.SEEK_END)
-    block = _BLOCK
-    while True:
-        start = max(0, size - block)
-        file.seek(start)
-        tail = file.read(size - start)
-        # the last line begins after the line break before its own
-        begin = tail.rfind(b"\n", 0, max(len(tail) - 1, 0)) + 1
-        if begin or not start:
-            break
-        block *= 2
-    return size if not tail or _record(tail[begin:]) is not None else start + begin
+def now() -> str:
+    """The time for a record: UTC, ISO 8601 with milliseconds."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _record(line: bytes) -> dict[str, Any] | None:
-    if not line.endswith(b"\n"):
-        return None
-    try:
-        record = from_json(line)
-    except ValueError:
-        return None
-    return cast("dict[str, Any]", record) if isinstance(record, dict) else None
+def replacement(revision: int, old: Layer, new: Layer) -> Record:
+    """The record of another program having replaced a layer."""
+    return Record(
+        revision=revision, author="ecat", time=now(), operation={"op": "replace"}, changes=diff(old, new)
+    )

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 from pydantic_core import ErrorDetails, PydanticSerializationError
@@ -26,6 +27,8 @@ MAX_BYTES = 64 << 20
 _MAX_PROBLEMS = 100
 _INT64 = range(-(2**63), 2**63)
 _INT32_COUNT = range(2**31)
+_JOURNAL = {"journal_revision", "journal_bytes"}
+"""What the record of a layer that nobody has edited does not say."""
 
 M = TypeVar("M", Manifest, ProjectManifest)
 
@@ -105,14 +108,50 @@ def dump_manifest(manifest: M, path: Path) -> bytes:
     Raises
     ------
     SchemaError : it could not be read back.
+    FormatError : a name in it, of a file or folder, is not UTF-8.
     """
     kind = type(manifest)
     try:
-        data = _adapter(kind).dump_json(manifest, indent=2, warnings=False) + b"\n"
+        left_out = {"layers": dict.fromkeys(_without_journal(manifest), _JOURNAL)}
+        data = _adapter(kind).dump_json(manifest, indent=2, warnings=False, exclude=left_out) + b"\n"
     except PydanticSerializationError as error:
+        require_utf8(f"cannot write {path.name}", *_texts(asdict(manifest)))
         raise _schema_error([str(error)], path) from None
     parse_manifest(data, path, kind)
     return data
+
+
+def _without_journal(manifest: Manifest | ProjectManifest) -> Iterator[int]:
+    layers = manifest.layers if isinstance(manifest, Manifest) else ()
+    return (i for i, layer in enumerate(layers) if not layer.journal_bytes)
+
+
+def require_utf8(what: str, *names: str) -> None:
+    """Return if all ``names`` can be written: a file system may have others, no document can.
+
+    Raises
+    ------
+    FormatError : one is not UTF-8; the error says that ``what`` could not be done.
+    """
+    for name in names:
+        if not is_utf8(name):
+            raise FormatError(
+                what,
+                where=f"{name}: the name is not UTF-8",
+                consequence="nothing was written",
+                fix="rename the file or folder, then do it again",
+            )
+
+
+def _texts(data: object) -> Iterator[str]:
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, Mapping):
+        for value in cast("Mapping[str, object]", data).values():
+            yield from _texts(value)
+    elif isinstance(data, list | tuple):
+        for item in cast("Iterable[object]", data):
+            yield from _texts(item)
 
 
 def _refusal(details: list[ErrorDetails], path: Path) -> FormatError | SchemaError:
@@ -178,7 +217,9 @@ def _broken_numbers(manifest: Manifest) -> Iterator[str]:
         yield "n_frames: expected a count below 2**31"
     counts = {"revision": manifest.revision, "clock.duration_ns": manifest.clock.duration_ns}
     counts |= {f"tables[{i}].rows": table.rows for i, table in enumerate(manifest.tables)}
-    counts |= {f"layers[{i}].revision": layer.revision for i, layer in enumerate(manifest.layers)}
+    for i, layer in enumerate(manifest.layers):
+        said = ("revision", "journal_revision", "journal_bytes")
+        counts |= {f"layers[{i}].{name}": getattr(layer, name) for name in said}
     for i, stream in enumerate(manifest.streams):
         counts |= {f"streams[{i}].n_frames": stream.n_frames, f"streams[{i}].size_bytes": stream.size_bytes}
     for i, camera in enumerate(manifest.cameras):
@@ -186,6 +227,11 @@ def _broken_numbers(manifest: Manifest) -> Iterator[str]:
     for path, count in counts.items():
         if count is not None and (count < 0 or count not in _INT64):
             yield f"{path}: expected a count below 2**63"
+
+
+def is_utf8(name: str) -> bool:
+    """Whether ``name``, of a file, can be written in a document; Python keeps other bytes as lone surrogates."""
+    return not any("\ud800" <= c <= "\udfff" for c in name)
 
 
 def is_plain_name(name: str) -> bool:

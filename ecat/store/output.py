@@ -39,6 +39,22 @@ def keep_out_of_sessions(what: str, dest: Path) -> None:
             )
 
 
+def refuse_dangling(what: str, dest: Path) -> None:
+    """Return if ``dest`` is not a symbolic link that leads nowhere: whoever made it did not mean this.
+
+    Raises
+    ------
+    ExistsError : it is; the error says that ``what`` could not be done.
+    """
+    if dest.is_symlink() and not dest.exists():
+        raise ExistsError(
+            what,
+            where=f"{dest}: a symbolic link to {dest.readlink()}, where nothing is",
+            consequence="nothing was written",
+            fix="name the destination itself, or remove the link",
+        )
+
+
 @contextmanager
 def staged_file(dest: Path, *, replaces: bytes = b"") -> Generator[Path]:
     """A path to write to, which becomes ``dest`` when the block ends, complete and durable; or nothing does.
@@ -74,6 +90,7 @@ def staged_file(dest: Path, *, replaces: bytes = b"") -> Generator[Path]:
 
 def _must_be_free(dest: Path, replaces: bytes) -> None:
     keep_out_of_sessions(f"cannot write {dest.name}", dest)
+    refuse_dangling(f"cannot write {dest.name}", dest)
     if dest.exists() and not (replaces and _is_of_kind(dest, replaces)):
         raise ExistsError(
             f"cannot write {dest.name}",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ecat.errors import NotFoundError
 from ecat.model import Layer, Manifest, Stream
-from ecat.store import files
+from ecat.store import checkpoint, files
 from ecat.store.commit import Commit
+from ecat.store.journal import Place
 from ecat.store.lock import locked
 from ecat.store.parquet import TableData
 from ecat.store.snapshot import Snapshot
@@ -220,33 +221,72 @@ class Session:
         with locked(self.path, wait_s=wait_s):
             with files.typed_errors(what, self.path, "nothing was written"):
                 roll_forward(self.path, what)
-            now = Snapshot.read(self.path)
-            if expected_revision is None and now.sha256 != self._snapshot.sha256:
+            now = checkpoint.fold(Snapshot.read(self.path))
+            moved_on = _moved_on(self._snapshot.manifest, now.manifest)
+            if expected_revision is None and moved_on is None:
                 raise self._snapshot.stale(now.manifest.revision)
             if expected_revision not in {None, now.manifest.revision}:
                 raise now.stale(now.manifest.revision)
             new = NewFiles(self.path, new_id())
-            commit = Commit(new, now.manifest, now.layer)
+            commit = Commit(new, now.manifest, now.layer, moved_on or ())
             try:
                 yield commit
-                if commit.close(now.manifest.revision + 1):
-                    new.commit()
+                with ExitStack() as until_committed:
+                    if commit.close(now.manifest.revision + 1, until_committed):
+                        new.commit()
             except BaseException:
                 new.discard()
                 raise
             self._snapshot = Snapshot.read(self.path)
 
+    def save_checkpoint(self, layer: Layer, place: Place, *, wait_s: float = _LOCK_WAIT_S) -> None:
+        """Commit a layer as it is at ``place`` of its journal, unless the session contains more of that already.
+
+        Raises
+        ------
+        LockedError : another process is writing for longer than ``wait_s``.
+        CorruptError : the layer's XML was edited outside of ecat.
+        ReadOnlyError, DiskError : nothing was changed.
+        """
+        what = f"cannot save layer {layer.name} of session {self.path.name}"
+        with (
+            locked(self.path, what=what, wait_s=wait_s),
+            files.typed_errors(what, self.path, "nothing was changed"),
+        ):
+            roll_forward(self.path, what)
+            now = Snapshot.read(self.path)
+            record = now.manifest.layer(layer.name)
+            if record is None or record.journal_revision < place.revision:
+                if record is not None:
+                    now.confirm_layer(record)
+                now = checkpoint.save(now, [(layer, place)])
+            self._snapshot = now
+
     def refresh(self) -> Session:
-        """Read ``session.json`` again; returns this session."""
+        """Read the session again, with what its journals say by now; returns this session."""
         settle(self.path)
-        self._snapshot = Snapshot.read(self.path)
+        self._snapshot = checkpoint.catch_up(Snapshot.read(self.path))
         return self
+
+
+def _moved_on(read: Manifest, now: Manifest) -> set[str] | None:
+    """The layers that are not as they were read; ``None`` if anything else has changed, but what follows from them."""
+
+    def others(manifest: Manifest) -> Manifest:
+        tables = tuple(table for table in manifest.tables if table.stage != "publish")
+        return replace(manifest, revision=1, layers=(), tables=tables)
+
+    if others(read) != others(now):
+        return None
+    changed = set(read.layers) ^ set(now.layers)
+    return {record.name for record in changed}
 
 
 def open_session(path: Path | str) -> Session:
     """Open the session in the folder ``path``: its manifest is read, nothing else.
 
-    A commit that was interrupted is finished first.
+    A commit that was interrupted is finished first; so is what an editor was killed before it could save, unless
+    somebody else is writing just now: the annotations are those of the last checkpoint then.
 
     Raises
     ------
@@ -258,7 +298,7 @@ def open_session(path: Path | str) -> Session:
     path = Path(path)
     with files.typed_errors(f"cannot open session {path.name}", path):
         settle(path)
-    return Session(Snapshot.read(path))
+    return Session(checkpoint.catch_up(Snapshot.read(path)))
 
 
 def create_session(dest: Path | str, draft: Draft) -> Session:
@@ -294,7 +334,7 @@ def fill_session(folder: Path, draft: Draft, dest: Path) -> None:
             commit.put_layer(layer)
         for name, table in draft.tables.items():
             commit.put_table(name, table)
-        commit.close(manifest.revision)
+        commit.close(manifest.revision, ExitStack())
         new.sync()
 
 

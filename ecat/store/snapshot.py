@@ -22,6 +22,7 @@ from ecat.store.xml import layer_from_xml
 from ecat.tables import PUBLISHED, SCHEMA_VERSION, TABLES
 
 T = TypeVar("T")
+_EDITED = "edited outside of ecat, the tables made from it are out of date"
 _PUBLISHED = {schema.name for schema in PUBLISHED}
 _STAGES = {
     "markers_2d": "track",
@@ -105,7 +106,7 @@ class Snapshot:
             data = files.read_bytes(path, MAX_LAYER_BYTES)
         if hashlib.sha256(data).hexdigest() != record.sha256:
             self.confirm(record)
-            raise self.damaged(record, "edited outside of ecat, the tables made from it are out of date")
+            raise self.damaged(record, _EDITED)
         return layer_from_xml(data, name=name)
 
     def table_record(self, name: str) -> TableRecord:
@@ -146,6 +147,14 @@ class Snapshot:
                     consequence="nothing was read",
                     fix="read a slice of it: start, end, columns",
                 ) from None
+
+    def confirm_layer(self, record: LayerRecord) -> None:
+        """Returns if the XML of a layer is what the record describes; errors as in :meth:`layer`."""
+        path = files.confined(self.path, record.file)
+        with files.typed_errors(f"cannot read layer {record.name}", path):
+            if files.sha256_of(path) != record.sha256:
+                self.confirm(record)
+                raise self.damaged(record, _EDITED)
 
     def confirm_layers(self, record: TableRecord) -> None:
         """Returns if the layers that a published table was made from are as they were."""

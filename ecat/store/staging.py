@@ -12,7 +12,7 @@ from pathlib import Path
 from ecat.errors import ExistsError
 from ecat.store import files
 from ecat.store.lock import LOCK_FILE, locked
-from ecat.store.output import keep_out_of_sessions
+from ecat.store.output import keep_out_of_sessions, refuse_dangling
 
 
 @contextmanager
@@ -55,6 +55,7 @@ def staged_folder(dest: Path) -> Generator[Path]:
 
 
 def _must_be_free(place: Path, dest: Path) -> None:
+    refuse_dangling(f"cannot create {dest.name}", dest)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
         raise _taken(dest)
 

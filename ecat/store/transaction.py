@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import json
 import secrets
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,9 +93,7 @@ class NewFiles:
 
     def sync(self) -> None:
         """Wait until all of them, and the folders that they are in, are on the disk."""
-        for target in self.sha256:
-            files.sync(self.path(target))
-        _sync_folders(self.folder, self.sha256)
+        files.sync_all([*map(self.path, self.sha256), *_folders(self.folder, self.sha256)])
 
     def commit(self) -> None:
         """Let all of them take the place of their targets."""
@@ -126,10 +124,10 @@ def _new_path(folder: Path, target: str, commit_id: str) -> Path:
     return path.with_name(f".{path.name}.{commit_id}.new")
 
 
-def _sync_folders(folder: Path, targets: dict[str, str]) -> None:
+def _folders(folder: Path, targets: Iterable[str]) -> list[Path]:
+    """The folders that have the targets, from the inmost."""
     inner = {parent for target in targets for parent in Path(target).parents}
-    for path in sorted(inner, reverse=True):
-        files.sync(folder / path)
+    return [folder / path for path in sorted(inner, reverse=True)]
 
 
 def _carry_out(folder: Path, record: CommitRecord) -> None:
@@ -137,7 +135,7 @@ def _carry_out(folder: Path, record: CommitRecord) -> None:
         new = _new_path(folder, target, record.id)
         if new.exists():
             files.rename(new, folder / target)
-    _sync_folders(folder, record.files)
+    files.sync_all(_folders(folder, record.files))
     files.remove(folder / COMMIT_FILE)
 
 

@@ -22,6 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ecat.errors import FormatError, LimitError, SchemaError
 from ecat.model import CodingScheme, Layer
+from ecat.model.annotation import with_relation_ids
 
 MAX_BYTES = 64 << 20
 """Every byte of XML can take more than sixty bytes of memory."""
@@ -43,7 +44,7 @@ def layer_to_xml(layer: Layer) -> bytes:
 
 
 def layer_from_xml(data: bytes, *, name: str) -> Layer:
-    """Read a layer.
+    """Read a layer; relations that were written without an id get one.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def layer_from_xml(data: bytes, *, name: str) -> Layer:
         document, where ``object[0]`` is the first object.
     LimitError : larger than ``MAX_BYTES``.
     """
-    return _read(Layer, "annotation", data, name)
+    return with_relation_ids(_read(Layer, "annotation", data, name))
 
 
 def scheme_to_xml(scheme: CodingScheme) -> bytes:

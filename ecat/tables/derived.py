@@ -84,6 +84,15 @@ TABLE_PLANE = TableSchema(
         Column("n_points", pa.int32(), "points offered"),
         Column("n_inliers", pa.int32(), "points used"),
         Column("evidence", NAME, "polygon, boxes, polygon+boxes, depth, or one of these with +depth"),
+        Column(
+            "tie",
+            NAME,
+            "what the table frame has in common with that of the row before: boxes that stood still, or the outline; "
+            "null: nothing, so that places before and after are not comparable",
+            "",
+            "",
+            True,
+        ),
     ),
     ("frame",),
 )

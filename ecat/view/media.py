@@ -44,23 +44,30 @@ class _Picture:
     encode: Encode
 
 
-def media(session: Session, scene: Scene, progress: Progress) -> Iterator[Chunk]:
-    """The images of every stream of colour, depth and infrared whose file is there, each at its own time."""
+def media(session: Session, scene: Scene, progress: Progress, damage: list[str]) -> Iterator[Chunk]:
+    """The images of every stream of colour, depth and infrared whose file is there, each at its own time.
+
+    What cannot be shown is in the log, and a line of ``damage`` when the last chunk was given.
+    """
     for shown in shown_streams(session.manifest):
         try:
             images = open_images(session, shown.stream.name, threads=_THREADS)
         except EcatError as error:
-            yield _remark(shown, f"could not be decoded: {error.where}")
+            damage.append(_line(shown, f"could not be decoded: {error.where}"))
+            yield _remark(shown, damage[-1])
             continue
         with images:
-            yield from _sent(shown, images, scene, progress)
+            yield from _sent(shown, images, scene, progress, damage)
 
 
-def _sent(shown: ShownStream, images: StreamImages, scene: Scene, progress: Progress) -> Iterator[Chunk]:
+def _sent(
+    shown: ShownStream, images: StreamImages, scene: Scene, progress: Progress, damage: list[str]
+) -> Iterator[Chunk]:
     at = _chosen(images, scene)
     every = int(at[1] - at[0]) if len(at) > 1 else 1
     if every > 1:
-        yield _remark(shown, f"one image of every {every} is shown, {len(at):,} of {len(images):,}")
+        thinned = f"one image of every {every} is shown, {len(at):,} of {len(images):,}"
+        yield _remark(shown, _line(shown, thinned))
     t_ns = None if images.t_ns is None else images.t_ns[at]
     frames, done = images.frame[at], 0
     source = islice(images, len(at)) if every == 1 else images.read(at.tolist())
@@ -81,7 +88,9 @@ def _sent(shown: ShownStream, images: StreamImages, scene: Scene, progress: Prog
             if problem is not None:
                 raise problem
     except EcatError as error:
-        yield _remark(shown, f"could be decoded for {done:,} of {len(at):,} images: {error.where}")
+        told = f"could be decoded for {done:,} of {len(at):,} images: {error.where}"
+        damage.append(_line(shown, told))
+        yield _remark(shown, damage[-1])
 
 
 def _chosen(images: StreamImages, scene: Scene) -> Frames:
@@ -162,11 +171,12 @@ def _depth_encoder(shown: ShownStream, first: NDArray[Any]) -> Encode:
     return encode
 
 
-def _remark(shown: ShownStream, text: str) -> Chunk:
+def _line(shown: ShownStream, text: str) -> str:
+    return f"stream {shown.stream.name}: {text}"
+
+
+def _remark(shown: ShownStream, line: str) -> Chunk:
     """A line in the log."""
     import rerun as rr
 
-    return static(
-        f"/log/media/{shown.path.rsplit('/', 1)[-1]}",
-        rr.TextLog(f"stream {shown.stream.name}: {text}", level="WARN"),
-    )
+    return static(f"/log/media/{shown.path.rsplit('/', 1)[-1]}", rr.TextLog(line, level="WARN"))

@@ -84,10 +84,16 @@ def recording(
     return made
 
 
-def log_session(session: Session, stream: RecordingStream, *, progress: Progress = silent) -> None:
-    """Send a session to ``stream``: its blueprint first, then every table that is there, then the images."""
+def log_session(session: Session, stream: RecordingStream, *, progress: Progress = silent) -> tuple[str, ...]:
+    """Send a session to ``stream``: its blueprint first, then every table that is there, then the images.
+
+    Returns
+    -------
+    A line for each stream of which not all images can be shown.
+    """
     import rerun as rr
 
+    damage: list[str] = []
     strict = rr.strict_mode()
     # Rerun would turn a wrong column into a warning and an empty view
     rr.set_strict_mode(True)
@@ -97,10 +103,11 @@ def log_session(session: Session, stream: RecordingStream, *, progress: Progress
         views = _blueprint(session.manifest, tables, shown, chunks)
         stream.send_blueprint(views, make_active=True, make_default=True)
         stream.send_chunks(chunks)
-        for chunk in media(session, shown, progress):
+        for chunk in media(session, shown, progress, damage):
             stream.send_chunks(chunk)
     finally:
         rr.set_strict_mode(strict)
+    return tuple(damage)
 
 
 def blueprint(session: Session) -> Blueprint:
@@ -116,8 +123,12 @@ def _tables(session: Session) -> dict[str, pa.Table]:
     return empty | {name: table for name, table in found.items() if table.num_rows}
 
 
-def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> None:
+def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> tuple[str, ...]:
     """Write the session as a ``.rrd`` file, complete or not at all.
+
+    Returns
+    -------
+    As of :func:`log_session`.
 
     Raises
     ------
@@ -125,7 +136,7 @@ def save_rrd(session: Session, file: Path, *, progress: Progress = silent) -> No
     """
     stream = recording(session)
     with staged_file(file, replaces=b"RRF") as staging, staging.open("wb") as out, written_to(out, stream):
-        log_session(session, stream, progress=progress)
+        return log_session(session, stream, progress=progress)
 
 
 def session_chunks(manifest: Manifest, tables: Mapping[str, pa.Table], shown: Scene) -> Iterator[Chunk]:

@@ -23,8 +23,12 @@ _PATIENCE_S = 30.0
 SETTINGS = Path(__file__).parent / "settings"
 
 
-def open_viewer(session: Session, *, progress: Progress = silent) -> None:
+def open_viewer(session: Session, *, progress: Progress = silent) -> tuple[str, ...]:
     """Open a viewer window and send it the session; the window outlives this process.
+
+    Returns
+    -------
+    A line for each stream of which not all images can be shown.
 
     Raises
     ------
@@ -37,12 +41,13 @@ def open_viewer(session: Session, *, progress: Progress = silent) -> None:
     stream = recording(session)
     stream.connect_grpc(url)
     try:
-        log_session(session, stream, progress=progress)
+        damage = log_session(session, stream, progress=progress)
         stream.flush()
     except RuntimeError as error:
         raise _no_viewer(f"the window went away: {error}") from error
     finally:
         stream.disconnect()
+    return damage
 
 
 def spawn_viewer(*options: str, **environment: str) -> tuple[subprocess.Popen[bytes], str]:

@@ -13,7 +13,7 @@ import pytest
 
 from ecat.cli.app import VERBS, app
 from ecat.cli.reference import reference
-from ecat.cli.verb import Verb
+from ecat.cli.verb import Group, Verb, leaves
 
 if TYPE_CHECKING:
     from conftest import Ecat
@@ -21,42 +21,55 @@ if TYPE_CHECKING:
 REFERENCE = Path(__file__).parents[2] / "docs" / "cli.md"
 
 
-def verb(name: str) -> Verb:
-    command = app.get_command(click.Context(app), name)
-    assert isinstance(command, Verb)
-    return command
+def commands() -> dict[str, Verb | Group]:
+    """All verbs, and those of groups, by what is typed after ``ecat``."""
+    found: dict[str, Verb | Group] = {}
+    for name in VERBS:
+        command = app.get_command(click.Context(app), name)
+        assert command is not None
+        found |= {" ".join(path): inner for path, inner in leaves(command, (name,))}
+    return found
 
 
-@pytest.mark.parametrize("name", VERBS)
+COMMANDS = commands()
+CALLED = {name: command for name, command in COMMANDS.items() if isinstance(command, Verb)}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_verb_says_what_it_does_and_what_its_parameters_mean(name: str) -> None:
-    command = verb(name)
+    command = COMMANDS[name]
     assert command.help
     assert command.get_short_help_str()
     undocumented = [p.name for p in command.params if not getattr(p, "help", None)]
     assert undocumented == []
 
 
-@pytest.mark.parametrize("name", VERBS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_verb_has_examples_that_it_accepts(name: str) -> None:
-    command = verb(name)
+    command = COMMANDS[name]
     assert command.examples
     for example in command.examples:
-        program, called, *arguments = shlex.split(example)
-        assert (program, called) == ("ecat", name)
-        command.make_context(name, arguments)  # raises if an option is unknown or an argument is missing
+        program, *words = shlex.split(example)
+        assert program == "ecat"
+        assert words[: len(name.split())] == name.split()
+        called = next(
+            key for key in sorted(CALLED, key=len, reverse=True) if words[: len(key.split())] == key.split()
+        )
+        # raises if an option is unknown or an argument is missing
+        CALLED[called].make_context(called, words[len(called.split()) :])
 
 
-@pytest.mark.parametrize("name", VERBS)
+@pytest.mark.parametrize("name", CALLED)
 def test_every_verb_prints_json_and_can_be_quiet(name: str) -> None:
-    options = {option for parameter in verb(name).params for option in parameter.opts}
+    options = {option for parameter in CALLED[name].params for option in parameter.opts}
     assert {"--json", "--quiet"} <= options
 
 
-@pytest.mark.parametrize("name", VERBS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_help_of_a_verb_shows_its_examples(ecat: Ecat, name: str) -> None:
-    result = ecat(name, "--help")
+    result = ecat(*name.split(), "--help")
     assert result.code == 0
-    assert all(example in result.out for example in verb(name).examples)
+    assert all(example in result.out for example in COMMANDS[name].examples)
 
 
 def test_the_verbs_are_listed_in_the_order_of_their_use(ecat: Ecat) -> None:
@@ -74,7 +87,7 @@ def test_the_reference_is_up_to_date() -> None:
 
 def test_every_verb_has_its_section_in_the_reference() -> None:
     sections = {line[3:] for line in REFERENCE.read_text("utf-8").splitlines() if line.startswith("## ")}
-    assert sections == {"ecat", *(f"ecat {name}" for name in VERBS)}
+    assert sections == {"ecat", *(f"ecat {name}" for name in COMMANDS)}
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -6,8 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+from ecat.formats.ecat2018.coordinate_mapping import CoordinateMapping, write_coordinate_mapping
+from ecat.formats.ecat2018.glyphs import code_of, write_glyph
+from ecat.formats.ecat2018.options import Options, PredicateForm, write_options
 from ecat.model import (
     AnnotatedObject,
     Camera,
@@ -214,3 +218,60 @@ def test_where_there_is_nothing(ecat: Ecat, tmp_path: Path) -> None:
     result = ecat("info", tmp_path / "nowhere")
     assert (result.code, result.out) == (1, "")
     assert result.err.startswith("ecat: cannot find sessions in nowhere\n")
+
+
+class TestFiles:
+    """What lies beside the recordings of another program."""
+
+    def test_as_text(self, ecat: Ecat, tmp_path: Path) -> None:
+        options = Options(
+            object_predicates=(PredicateForm("SIT", (1,)), PredicateForm("NEAR", (1, 2))), show_markers=True
+        )
+        (tmp_path / "option.txt").write_bytes(write_options(options))
+        result = ecat("info", tmp_path / "option.txt")
+        assert (result.code, result.err) == (0, "")
+        assert (
+            result.out
+            == """\
+file option.txt
+  what                  ecat-2018 options
+                        settings of ECAT 2018: its predicates, which exclude each other, how shapes are interpolated
+  detection mode        ADD_SEPARATE
+  glyph prototype path  unknown
+  show markers          yes
+  show rig              SHOW_ALL
+
+interpolation
+  Rig        LEFT_COPY
+  Rectangle  LEFT_COPY
+  Glyph      LEFT_COPY
+
+object predicates
+  SIT(X)
+  NEAR(X,Y)
+"""
+        )
+
+    def test_numbers_have_their_unit_or_what_they_count(self, ecat: Ecat, tmp_path: Path) -> None:
+        mapping = CoordinateMapping(np.ones((2, 3, 2), np.float32), np.ones((2, 3, 2), np.float32))
+        (tmp_path / "coordinateMapping.dat").write_bytes(write_coordinate_mapping(mapping))
+        lines = ecat("info", tmp_path / "coordinateMapping.dat").out.splitlines()
+        assert "  near                    500 mm" in lines
+        assert "    500  mm  1.0  px  1.0  px" in lines
+
+    def test_as_data(self, ecat: Ecat, tmp_path: Path) -> None:
+        (tmp_path / "5.glyph").write_bytes(write_glyph(code_of(5)))
+        found = ecat("info", tmp_path / "5.glyph", "--json").json
+        assert [found[key] for key in ("ok", "kind", "name", "what")] == [
+            True,
+            "file",
+            "5.glyph",
+            "ecat-2018 glyph",
+        ]
+        assert found["holds"]["aruco_original_id"] == 5
+
+    def test_of_any_other_file_it_says_what_it_wants(self, ecat: Ecat, tmp_path: Path) -> None:
+        (tmp_path / "notes.txt").write_text("hello")
+        result = ecat("info", tmp_path / "notes.txt")
+        assert result.code == 1
+        assert "it is a file, not a folder" in result.err

@@ -20,6 +20,7 @@ from ecat.model import Manifest
 from ecat.process import ProcessReport
 from ecat.progress import Progress
 from ecat.store import Draft, create_session, open_session
+from tests.store.media.clips import depth_clip
 
 if TYPE_CHECKING:
     from conftest import Ecat
@@ -336,3 +337,17 @@ def test_view_can_save_a_recording(ecat: Ecat, session: Path, tmp_path: Path) ->
     assert (result.code, result.err) == (0, "")
     assert result.out == f"wrote {file}\ntry: {shell('rerun', file)}\n"
     assert file.read_bytes()[:4] == b"RRF2"
+
+
+def test_view_says_which_streams_cannot_be_shown(ecat: Ecat, tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    depth_clip(folder / "depth.mkv", 6)
+    ecat("import", folder, tmp_path / "s")
+    media = tmp_path / "s" / "media" / "depth.mkv"
+    media.write_bytes(media.read_bytes()[:300])
+    result = ecat("view", tmp_path / "s", "--save", tmp_path / "s.rrd")
+    assert result.code == 0
+    assert "\n  stream depth: could " in result.out
+    (finding,) = ecat("view", tmp_path / "s", "--save", tmp_path / "s.rrd", "--json").json["findings"]
+    assert finding.startswith("stream depth: could ")

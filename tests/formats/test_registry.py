@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,3 +106,12 @@ def test_what_ecat_made_is_not_imported_again(tmp_path: Path, file: str, insiste
             import_source(source, tmp_path / "made", format=insisted)
         assert f"ecat info {tmp_path}" in caught.value.fix
         assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("name", ["source", "dest"])
+def test_names_that_are_not_utf8_are_refused_before_anything_is_read(tmp_path: Path, name: str) -> None:
+    """Names of source and destination become names inside of the session."""
+    bad = tmp_path / os.fsdecode(b"a\xff")
+    source, dest = (bad, tmp_path / "s") if name == "source" else (tmp_path / "nothing", bad)
+    with pytest.raises(FormatError, match="the name is not UTF-8"):
+        import_source(source, dest)

@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
+import av
 import cv2
 import numpy as np
 
@@ -69,6 +70,9 @@ from ecat.store.xml import layer_from_xml, layer_to_xml, scheme_from_xml, scheme
 from tests.formats.recordings.k4a import calibration, jpeg, recording
 from tests.formats.recordings.k4a import depth as depth_image
 from tests.formats.recordings.k4a import write as write_k4a
+
+if TYPE_CHECKING:
+    from av import VideoStream
 
 T = TypeVar("T")
 
@@ -261,6 +265,34 @@ def azure(path: Path) -> None:
         import_source(path, Path(folder) / "session", format="azure-mkv")
 
 
+def video(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        import_source(path, Path(folder) / "session", format="video")
+
+
+def rgbd_video(path: Path) -> None:
+    """As the depth of a recording; its colour is what the target video reads."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "in"
+        folder.mkdir()
+        (folder / "depth.mkv").symlink_to(path)
+        import_source(folder, Path(name) / "session", format="rgbd-video")
+
+
+def _video_seed(suffix: str, codec: str, pix_fmt: str) -> bytes:
+    """Three small images in a container."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"seed{suffix}"
+        with av.open(str(path), "w") as out:
+            stream = cast("VideoStream", out.add_stream(codec, rate=30))
+            stream.width, stream.height, stream.pix_fmt = 32, 32, pix_fmt
+            for i in range(3):
+                frame = av.VideoFrame.from_ndarray(np.full((32, 32), 40 * i, np.uint16), format="gray16le")
+                out.mux(stream.encode(frame.reformat(format=pix_fmt)))
+            out.mux(stream.encode(None))
+        return path.read_bytes()
+
+
 def _azure_seed(**changes: object) -> bytes:
     small = {"color": [jpeg(0, (32, 32))], "depth": [depth_image(0, (32, 32))], "color_px": (32, 32)}
     with tempfile.TemporaryDirectory() as folder:
@@ -330,6 +362,18 @@ TARGETS: dict[str, Target] = {
     ),
     "trajectory": Target(from_path(trajectory), (b"0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * 2,)),
     "tum": Target(tum, (_TUM,)),
+    "rgbd_video": Target(
+        from_path(rgbd_video),
+        (_video_seed(".mkv", "ffv1", "gray16le"), _video_seed(".avi", "ffv1", "gray12le")),
+    ),
+    "video": Target(
+        from_path(video),
+        (
+            _video_seed(".mp4", "h264", "yuv420p"),
+            _video_seed(".avi", "mpeg4", "yuv420p"),
+            _video_seed(".webm", "vp9", "yuv420p")[:-50],
+        ),
+    ),
     "voxml": Target(stable(read_voxml, write_voxml), (_VOXML,)),
     "xml": Target(xml, (b'<?xml version="1.0" encoding="utf-8"?><r b="1"><a>x<!--c--></a><a/>&lt;</r>',)),
     "xml_stream": Target(xml_stream, (b"<r><a><b/><c/></a><![CDATA[x]]><b>&#65;</b></r>",)),

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecat.geometry.cameras import KINECT_V2_DEPTH, Camera
-from ecat.geometry.depth import RangeNoise
+from ecat.geometry.depth import DepthCamera, RangeNoise
 from ecat.geometry.faceplanes import FaceFit, fit_faces
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_rotvec
 
@@ -39,7 +39,8 @@ def depth_of(camera: Camera, seed: int = 0, noise: RangeNoise | None = None) -> 
 
 
 def fitted(image: NDArray[np.uint16], camera: Camera = KINECT_V2_DEPTH, steady_m: float = 1e-4) -> FaceFit:
-    return fit_faces(image, quad(camera), camera, unit_m=1e-4, noise=NOISE, steady_m=steady_m)
+    depth = DepthCamera(camera, 1e-4)
+    return fit_faces([image], quad(camera), np.zeros(1, int), depth, noise=NOISE, steady_m=steady_m)
 
 
 def off_degrees(fit: FaceFit) -> float:
@@ -87,8 +88,7 @@ def test_a_face_of_which_most_is_missing_has_no_plane() -> None:
 def test_planes_are_told_in_the_frame_of_reference() -> None:
     place = Rigid(matrix_from_rotvec(np.array([0.0, 0.2, 0.1])), np.array([0.05, 0.0, -0.02]))
     camera = replace(KINECT_V2_DEPTH, from_reference=place)
-    image, own = depth_of(KINECT_V2_DEPTH), quad(KINECT_V2_DEPTH)
-    fit = fit_faces(image, own, camera, unit_m=1e-4, noise=NOISE, steady_m=1e-4)
+    fit = fitted(depth_of(KINECT_V2_DEPTH), camera)
     back = place.inverse()
     np.testing.assert_allclose(fit.normal[0], back.rotation @ NORMAL, atol=1e-3)
     assert fit.normal[0] @ back.apply(MIDDLE) + fit.offset[0] == pytest.approx(0, abs=1e-4)
@@ -96,6 +96,19 @@ def test_planes_are_told_in_the_frame_of_reference() -> None:
 
 def test_quadrilaterals_beyond_the_image_have_no_plane() -> None:
     away = quad(KINECT_V2_DEPTH) + np.array([2000.0, 0.0])
-    fit = fit_faces(depth_of(KINECT_V2_DEPTH), away, KINECT_V2_DEPTH, unit_m=1e-4, noise=NOISE, steady_m=1e-4)
+    depth = DepthCamera(KINECT_V2_DEPTH, 1e-4)
+    fit = fit_faces([depth_of(KINECT_V2_DEPTH)], away, np.zeros(1, int), depth, noise=NOISE, steady_m=1e-4)
     assert np.isnan(fit.sigma_m[0])
     assert fit.n_points[0] == 0
+
+
+def test_faces_of_several_images_are_those_of_each_image() -> None:
+    depth = DepthCamera(KINECT_V2_DEPTH, 1e-4)
+    images = [depth_of(KINECT_V2_DEPTH, seed, NOISE) for seed in (1, 2)]
+    large, small = quad(KINECT_V2_DEPTH), quad(KINECT_V2_DEPTH, 0.03) + 5
+    quads = np.concatenate([large, small, large + 3])
+    together = fit_faces(iter(images), quads, np.array([0, 0, 1]), depth, noise=NOISE, steady_m=1e-3)
+    for row, image in enumerate((0, 0, 1)):
+        alone = fit_faces([images[image]], quads[[row]], np.zeros(1, int), depth, noise=NOISE, steady_m=1e-3)
+        for name in ("normal", "offset", "sigma_m", "rms_m", "n_points"):
+            np.testing.assert_allclose(getattr(together, name)[row], getattr(alone, name)[0], rtol=1e-9)

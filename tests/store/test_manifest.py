@@ -152,11 +152,23 @@ def test_what_could_not_be_read_back_is_not_written() -> None:
         replace(FULL, cameras=(replace(FULL.cameras[0], cx_px=float("nan")),)),
         replace(FULL, n_frames=-1),
         replace(FULL, prototypes=({"path": PATH.open},)),
-        replace(FULL, name="\ud800"),
         replace(FULL, streams=(Stream(name="x", file="/abs"),)),
     ):
         with pytest.raises(SchemaError):
             dump_manifest(wrong, PATH)
+
+
+def test_a_name_that_no_document_can_hold_is_named() -> None:
+    """Linux names files by bytes; Python shows those that are not UTF-8 as lone surrogates."""
+    for wrong in (
+        replace(FULL, name="a\udcff"),
+        replace(FULL, streams=(Stream(name="a\udcff", file="media/a"),)),
+        replace(FULL, foreign={"x": "a\udcff"}),
+    ):
+        with pytest.raises(FormatError, match="cannot write session") as caught:
+            dump_manifest(wrong, PATH)
+        assert caught.value.where == "a\\udcff: the name is not UTF-8"
+        assert caught.value.fix.startswith("rename")
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,15 @@ def test_a_folder_is_never_replaced_by_a_file(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
 
+@pytest.mark.parametrize("replaces", [b"", b"n"])
+def test_a_link_that_leads_nowhere_is_not_followed_and_not_replaced(tmp_path: Path, replaces: bytes) -> None:
+    dest = tmp_path / "link"
+    dest.symlink_to("nowhere")
+    with pytest.raises(ExistsError, match="a symbolic link to nowhere"):
+        save(dest, replaces=replaces)
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
+
+
 def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
     def interrupt() -> None:
         raise KeyboardInterrupt

@@ -57,6 +57,14 @@ def test_what_is_there_is_never_replaced(tmp_path: Path, kind: str) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["dest"]
 
 
+def test_a_link_that_leads_nowhere_is_not_followed(tmp_path: Path) -> None:
+    dest = tmp_path / "dest"
+    dest.symlink_to("nowhere/there")
+    with pytest.raises(ExistsError, match="a symbolic link to nowhere/there"):
+        make(dest)
+    assert [path.name for path in tmp_path.iterdir()] == ["dest"]
+
+
 def test_a_folder_that_is_being_filled_is_no_leftover_to_remove(tmp_path: Path) -> None:
     with staged_folder(tmp_path / "new") as staging:
         assert leftovers(tmp_path) == [staging]

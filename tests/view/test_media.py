@@ -70,8 +70,8 @@ def video(file: Path, images: list[NDArray[np.uint8]]) -> Path:
     return file
 
 
-def sent(session: Session) -> list[Chunk]:
-    return list(media(session, scene(session), silent))
+def sent(session: Session, damage: list[str] | None = None) -> list[Chunk]:
+    return list(media(session, scene(session), silent, [] if damage is None else damage))
 
 
 def decoded(blob: list[bytes] | list[list[int]]) -> NDArray[np.generic]:
@@ -102,12 +102,17 @@ def test_images_after_the_last_frame_are_not_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["color", "depth", "infrared"])
-def test_what_cannot_be_decoded_is_said_in_the_log(
+def test_what_cannot_be_decoded_is_said_in_the_log_and_to_who_asked(
     tmp_path: Path, kind: Literal["color", "depth", "infrared"]
 ) -> None:
     (tmp_path / "broken.mkv").write_bytes(b"no video at all")
-    chunks = sent(with_stream(tmp_path, tmp_path / "broken.mkv", Stream(name=kind, kind=kind, n_frames=3)))
-    assert "could not be decoded" in at(chunks, f"/log/media/{kind}", "text")[None][0]
+    damage: list[str] = []
+    chunks = sent(
+        with_stream(tmp_path, tmp_path / "broken.mkv", Stream(name=kind, kind=kind, n_frames=3)), damage
+    )
+    (line,) = damage
+    assert line.startswith(f"stream {kind}: could not be decoded: ")
+    assert at(chunks, f"/log/media/{kind}", "text")[None] == [line]
 
 
 def test_what_was_readable_before_a_fault_is_shown_and_the_rest_is_said_in_the_log(tmp_path: Path) -> None:
@@ -115,9 +120,14 @@ def test_what_was_readable_before_a_fault_is_shown_and_the_rest_is_said_in_the_l
     whole = depth_video(tmp_path / "whole.mkv", list(noise)).read_bytes()
     (tmp_path / "d.mkv").write_bytes(whole[: len(whole) // 2])
     times = table("frames", t_ns=range(6), frame=range(6), stream=["depth"] * 6)
-    chunks = sent(with_stream(tmp_path, tmp_path / "d.mkv", Stream(name="depth", kind="depth"), times))
+    damage: list[str] = []
+    chunks = sent(
+        with_stream(tmp_path, tmp_path / "d.mkv", Stream(name="depth", kind="depth"), times), damage
+    )
     assert 0 < len(at(chunks, DEPTH, "blob")) < 6
-    assert "of 6 images" in at(chunks, "/log/media/depth", "text")[None][0]
+    (line,) = damage
+    assert "of 6 images" in line
+    assert at(chunks, "/log/media/depth", "text")[None] == [line]
 
 
 @pytest.mark.parametrize("name", ["d.mkv", "d.dep"])
@@ -201,10 +211,12 @@ def test_of_a_long_stream_every_second_image_is_shown_and_the_log_says_so(
 ) -> None:
     monkeypatch.setattr(view_media, "MOST_IMAGES", 3)
     file = depth_video(tmp_path / "d.mkv", [np.full((4, 4), i, np.uint16) for i in range(1, 7)])
-    chunks = sent(with_stream(tmp_path, file, Stream(name="depth", kind="depth", n_frames=6)))
+    damage: list[str] = []
+    chunks = sent(with_stream(tmp_path, file, Stream(name="depth", kind="depth", n_frames=6)), damage)
     shown = at(chunks, DEPTH, "blob")
     assert {frame: int(decoded(blob)[0, 0]) for frame, blob in shown.items()} == {0: 1, 2: 3, 4: 5}
     assert "one image of every 2" in at(chunks, "/log/media/depth", "text")[None][0]
+    assert damage == []
 
 
 def test_images_are_sent_while_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

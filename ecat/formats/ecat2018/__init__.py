@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ecat.formats.ecat2018.side_files import SIDE_FILES
 from ecat.formats.ecat2018.workspace import NAME, read, sniff, write
 from ecat.formats.format import Format
 
@@ -11,4 +12,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
+    side_files=SIDE_FILES,
 )

@@ -19,6 +19,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ecat.formats.ecat2018.spans import spans, values_of
+
 _WS = rb"\r?\n *"
 _BLANK = re.compile(rb"(?:" + _WS + rb")?")
 _HEAD = {
@@ -58,16 +60,17 @@ class Run:
     """Markers that follow each other.
 
     Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces),
-    int32; per face the texts of its ``corners`` and its ``codes``, binary, where a marker without faces has
-    one empty text in each. ``line(i)`` is the line of face ``i`` of the run, found only when an error needs it.
+    int32; per face the texts of its ``corners`` and its ``codes``, binary, each different one stored once, where a
+    marker without faces has one empty text in each. ``line(i)`` is the line of face ``i`` of the run, found only
+    when an error needs it.
     """
 
     line: Callable[[int], int]
     frames: NDArray[np.int32]
     sizes: NDArray[np.int32]
     counts: NDArray[np.int32]
-    corners: pa.Array[Any]
-    codes: pa.Array[Any]
+    corners: pa.DictionaryArray[Any, Any]
+    codes: pa.DictionaryArray[Any, Any]
 
 
 def join_runs(runs: Sequence[Run]) -> Run:
@@ -169,15 +172,13 @@ class _Tags:
                 numbers[rows] = digits @ (10 ** np.arange(n - 1, -1, -1, dtype=np.int32))
         return numbers
 
-    def contents(self, kind: int) -> pa.Array[Any]:
+    def contents(self, kind: int) -> pa.DictionaryArray[Any, Any]:
         """The text behind each tag of a kind."""
         found = np.flatnonzero(self.kinds == kind)
         starts, ends = self.at[found] + len(_TAGS[kind]), self.at[found + 1]
-        bounds = np.column_stack([starts, ends]).astype(np.int32).ravel()
-        n = len(bounds) - 1  # the texts, and what is between them
-        buffers: list[Any] = [None, pa.py_buffer(bounds.tobytes()), pa.py_buffer(self._markup)]
-        texts: Any = pa.Array.from_buffers(pa.binary(), n, buffers)
-        return texts.take(pa.array(np.arange(0, n, 2)))
+        texts: Any = spans(self._markup, starts, ends, pa.binary()).dictionary_encode()
+        index: Any = pa.array(values_of(texts.indices, np.int32))
+        return pa.DictionaryArray.from_arrays(index, texts.dictionary)
 
     def _same(self, places: NDArray[np.intp], text: bytes) -> NDArray[np.bool_]:
         """Whether ``text`` stands at each of these places; eight bytes are compared at a time."""

@@ -19,6 +19,8 @@ NUMBER = (
 )
 USUAL_NUMBERS = rf"^{NUMBER}(?:,{NUMBER})*$"
 """A comma-separated list of numbers in their usual form (RE2 and Python syntax)."""
+USUAL_LINES = rf"^{NUMBER}(?:[,\n]{NUMBER})*$"
+"""Many such lists, a line each (RE2 syntax)."""
 
 
 def format_numbers(values: Iterable[float]) -> str:

@@ -45,8 +45,8 @@ class _Waiting:
             np.array(self.frames, np.int32),
             np.array(self.sizes, np.int32),
             np.array(self.counts, np.int32),
-            pa.array(self.corners, pa.binary()),
-            pa.array(self.codes, pa.binary()),
+            pa.array(self.corners, pa.binary()).dictionary_encode(),
+            pa.array(self.codes, pa.binary()).dictionary_encode(),
         )
 
 

@@ -7,7 +7,6 @@ different corners, and the code is oriented by a third rule); codes are as read 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,17 +15,21 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
-from pyarrow import csv
 
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.face_markup import Run, join_runs
-from ecat.formats.ecat2018.lexical import USUAL_NUMBERS, format_code, missing_corners, parse_code
-from ecat.formats.ecat2018.number_text import parse_floats
+from ecat.formats.ecat2018.lexical import (
+    USUAL_LINES,
+    USUAL_NUMBERS,
+    format_code,
+    missing_corners,
+    parse_code,
+)
+from ecat.formats.ecat2018.number_text import parse_float_lines, parse_floats
 
 KINECT_TO_CAMERA = np.array([-1.0, -1.0, 1.0])
 """Kinect camera space (x to the sensor's left, y up) to ``camera/depth``; its own inverse."""
 _BATCH_FACES = 8192  # each batch costs Arrow a millisecond to begin with
-_CSV_PARSE = csv.ParseOptions(quote_char=False, ignore_empty_lines=False)
 
 Place = Callable[[int], str]
 """Where face ``i`` of a run stands, for errors."""
@@ -207,47 +210,30 @@ class Faces:
         return number
 
     def _corners(self, texts: _Texts, orders: NDArray[np.int32], place: Place) -> NDArray[np.float64]:
-        values = self._numbers(texts.distinct)
-        if values is None:
+        lines, index = b"\n".join(texts.distinct), texts.index
+        values = parse_float_lines(lines, self.width)
+        if values is not None and len(values) == len(texts.distinct):
+            unusual = _unusual([lines], USUAL_LINES).repeat(len(values))
+            if unusual.any():
+                unusual = _unusual(texts.distinct, USUAL_NUMBERS)
+        else:
             rows = [
                 self._row(texts[i], i, place) if orders[i] >= 0 else self._missing()
                 for i in range(len(orders))
             ]
             values = np.array(rows).reshape(len(rows), self.width)
-        else:
-            values = values[texts.index]
+            unusual, index = _unusual(texts.distinct, USUAL_NUMBERS)[index], np.arange(len(rows))
         if self.dimensions == 2:
-            infinite = ~np.isfinite(values)
-            unusual = infinite.any(axis=1)
-            values[infinite] = np.nan
+            missing = ~np.isfinite(values)
+            unusual |= missing.any(axis=1)
         else:
-            missing, unusual = missing_corners(values.reshape(-1, 4, 3))
+            points, otherwise = missing_corners(values.reshape(-1, 4, 3))
+            missing, unusual = points.repeat(3, axis=1), unusual | otherwise
             values *= np.tile(KINECT_TO_CAMERA, 4)
-            values.reshape(-1, 4, 3)[missing] = np.nan
-        distinct: Any = pa.array(texts.distinct, pa.binary()).cast(pa.string(), safe=False)
-        usual = np.array(pc.match_substring_regex(distinct, USUAL_NUMBERS))
-        for i in np.flatnonzero((unusual | ~usual[texts.index]) & (orders >= 0)).tolist():
+        values[missing] = np.nan
+        for i in np.flatnonzero(unusual[index] & (orders >= 0)).tolist():
             self.corner_texts[self._n_done + i] = plain_text(texts[i])
-        return values
-
-    def _numbers(self, texts: Sequence[bytes]) -> NDArray[np.float64] | None:
-        """The texts as (n, width) numbers, by Arrow; None when one of them is not well-formed."""
-        names = [str(i) for i in range(self.width)]
-        lines = b"\n".join(texts)
-        if b"\xe2" in lines:  # one byte is found much faster than three
-            lines = lines.replace(b"\xe2\x88\x9e", b"inf")
-        try:
-            table = csv.read_csv(
-                io.BytesIO(lines),
-                csv.ReadOptions(column_names=names, use_threads=False, block_size=len(lines) + 1),
-                _CSV_PARSE,
-                csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[]),
-            )
-        except pa.ArrowInvalid:
-            return None
-        if table.num_rows != len(texts):
-            return None
-        return np.column_stack([column.to_numpy() for column in table.columns])
+        return values[index]
 
     def _missing(self) -> NDArray[np.float64]:
         return np.full(self.width, np.nan)
@@ -281,6 +267,11 @@ class Faces:
     def bad(self, where: str) -> None:
         """Refuse a bad face, or note it if bad faces are to be skipped."""
         refuse_marker(self.what, where, skip=self.skip_bad, findings=self.findings)
+
+
+def _unusual(texts: Sequence[bytes], usual: str) -> NDArray[np.bool_]:
+    """Which of the texts do not match the pattern."""
+    return ~np.asarray(pc.match_substring_regex(pa.array(texts, pa.binary()), usual))
 
 
 def refuse_marker(what: str, where: str, *, skip: bool, findings: list[str]) -> None:

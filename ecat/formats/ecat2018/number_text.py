@@ -6,9 +6,12 @@ import itertools
 import re
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import ArrayLike, NDArray
 
 from ecat.errors import FormatError
+from ecat.formats.ecat2018.spans import spans, values_of
 
 
 def parse_floats(
@@ -32,6 +35,29 @@ def parse_floats(
             pass
         problem = f"{next(itertools.filterfalse(_is_number, tokens), text)[:40]!r} is not a number"
     raise FormatError(what, where=f"{where}: {problem}" if where else problem)
+
+
+def parse_float_lines(lines: bytes, width: int) -> NDArray[np.float64] | None:
+    """Many texts at once, a line each, as float64 (lines, width).
+
+    None when a line is not plainly ``width`` numbers; `parse_floats` tells what is wrong with it, if anything is.
+    """
+    data = np.frombuffer(lines, np.uint8)
+    commas = np.flatnonzero(data == ord(","))
+    line_ends = np.append(np.flatnonzero(data == ord("\n")), len(data))
+    if len(commas) != len(line_ends) * (width - 1):
+        return None
+    ends = np.column_stack([commas.reshape(-1, width - 1), line_ends]).ravel()
+    starts = np.append(0, ends[:-1] + 1)
+    if (starts > ends).any():  # a comma is in another line than it should be
+        return None
+    if b"\xe2" in lines:  # one byte is found much faster than three
+        lines = lines.replace("∞".encode(), b"inf")  # which is as long
+    try:
+        numbers = pc.cast(spans(lines, starts, ends, pa.string()), pa.float64())
+    except pa.ArrowInvalid:
+        return None
+    return values_of(numbers, np.float64).reshape(-1, width)
 
 
 def _is_number(token: str) -> bool:

@@ -50,11 +50,11 @@ RIG_SCHEMA = pa.schema(
 
 ``record`` counts records from zero. ``t_ns`` is the time since the first colour frame, ``recorded_at`` the
 wall clock (local time of an unknown zone). ``counter`` is the recorder's count of colour frames, from one,
-which several body frames can share: it is not a frame of the video, see `frames_nearest` and
-`frames_as_ecat`. ``body`` is the Kinect body slot 0-5. ``x y z`` are metres in camera/depth (OpenCV axes of
-the physical camera: the file's -X, -Y, Z), ``u_px v_px`` pixels of the (mirrored) colour image and
-``depth_*`` of the depth image; both are null where infinite. ``confidence`` is as in the file: 1, 0 or 0.5,
-which say tracked, inferred, not_tracked in ``state``.
+which several body frames can share: it is not a frame of the video, see `frames_as_ecat`. ``body`` is the
+Kinect body slot 0-5. ``x y z`` are metres in camera/depth (OpenCV axes of the physical camera: the file's -X,
+-Y, Z), ``u_px v_px`` pixels of the (mirrored) colour image and ``depth_*`` of the depth image; both are null
+where infinite. ``confidence`` is as in the file: 1, 0 or 0.5, which say tracked, inferred, not_tracked in
+``state``.
 """
 
 
@@ -231,25 +231,6 @@ def _batch(records: list[_Record], first: int, scheme: BodyScheme) -> pa.RecordB
 
 
 # ---------------------------------------------------------------------------------------------- alignment
-
-
-def frames_nearest(t_ns: NDArray[np.int64], frame_t_ns: NDArray[np.int64]) -> NDArray[np.int32]:
-    """The zero-based video frame nearest in time to each record; on a tie the later one.
-
-    Parameters
-    ----------
-    t_ns : int64[n], times of the records.
-    frame_t_ns : int64[frames], times of the video's frames on the same clock, not decreasing.
-    """
-    if not len(frame_t_ns):
-        raise UsageError(
-            "cannot align the skeletons", where="the video has no frames", fix="give their times"
-        )
-    after = np.clip(np.searchsorted(frame_t_ns, t_ns), 1, max(1, len(frame_t_ns) - 1))
-    before = after - 1
-    after = np.minimum(after, len(frame_t_ns) - 1)
-    later = np.abs(frame_t_ns[after] - t_ns) <= np.abs(t_ns - frame_t_ns[before])
-    return np.where(later, after, before).astype(np.int32)
 
 
 def frames_as_ecat(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import cast
 
@@ -13,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ecat.errors import FormatError, InputError, os_error
+from ecat.errors import FormatError, InputError, one_line, os_error
 from ecat.formats.ecat2018.body_scheme import KINECT_V2, read_body_scheme, write_body_scheme
 from ecat.formats.ecat2018.depth_file import DepthFile
 from ecat.formats.ecat2018.elements import PREFIX, small_number
@@ -21,14 +22,15 @@ from ecat.formats.ecat2018.fidelity import HASH_KEY, Hashed, first_difference, i
 from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
 from ecat.formats.ecat2018.files_param_write import file_name, files_param
 from ecat.formats.ecat2018.mark_tables import mark_batches
-from ecat.formats.ecat2018.rig import RIG_SCHEMA, frames_nearest, read_rig, write_rig
+from ecat.formats.ecat2018.rig import RIG_SCHEMA, read_rig, write_rig
 from ecat.formats.format import ImportOptions
 from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
+from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.records import camera_record
 from ecat.model import Camera, Layer, Manifest, Provenance, Stream
 from ecat.store import Draft, Session, TableData, write_new_file
 from ecat.store.files import sha256_of
-from ecat.store.manifest import is_inside
+from ecat.store.manifest import is_inside, is_utf8
 from ecat.tables import FRAMES, JOINTS
 
 SESSION_FILE = "files.param"
@@ -81,7 +83,7 @@ def _manifest(folder: Path, said: SessionFile, streams: tuple[Stream, ...], *, i
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         n_frames=said.n_frames,
         clock=said.clock,
-        cameras=_kinect_cameras() if is_kinect or any(s.kind == "depth" for s in streams) else (),
+        cameras=kinect_cameras() if is_kinect or any(s.kind == "depth" for s in streams) else (),
         streams=streams,
         provenance=Provenance(format="ecat-2018", source=folder.name),
         foreign=foreign,
@@ -106,7 +108,9 @@ def _few(findings: list[str]) -> tuple[str, ...]:
     return (*findings[:_MANY], *([f"and {rest} more like these"] if rest > 0 else []))
 
 
-def _kinect_cameras() -> tuple[Camera, ...]:
+@cache
+def kinect_cameras() -> tuple[Camera, ...]:
+    """The colour and the depth camera of a Kinect v2."""
     # the sensor's own calibration was never stored: these are fits over many recordings
     return camera_record(KINECT_V2_COLOR, "fitted"), camera_record(KINECT_V2_DEPTH, "fitted")
 
@@ -206,7 +210,11 @@ def _files_in(folder: Path, said: SessionFile) -> list[str]:
     except OSError as error:
         raise os_error(error, f"cannot import {folder.name}", folder, "nothing was written") from error
     said.findings += [f"the folder {path.name} was not imported" for path in there if path.is_dir()]
-    return [path.name for path in there if path.is_file()]
+    names = [path.name for path in there if path.is_file()]
+    said.findings += [
+        f"{one_line(name)} was not imported: its name is not UTF-8" for name in names if not is_utf8(name)
+    ]
+    return [name for name in names if is_utf8(name)]
 
 
 def _target(name: str, taken: dict[str, int]) -> str:
@@ -274,7 +282,8 @@ def _on_frames(rows: pa.Table, object_id: str | None, said: SessionFile) -> pa.T
         near = np.unique(
             np.clip(np.add.outer(np.rint(about), [-2, -1, 0, 1, 2]), 0, n_frames - 1).astype(np.int64)
         )
-        frames = near[frames_nearest(times, np.array(clock.times_ns(near.tolist(), n_frames), np.int64))]
+        moments = np.array(clock.times_ns(near.tolist(), n_frames), np.int64)
+        frames = near[nearest_in_time(moments, times, later_on_tie=True)]
     else:
         frames = np.asarray(rows["counter"]).astype(np.int32) - 1
     n = rows.num_rows

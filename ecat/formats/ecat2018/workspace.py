@@ -22,7 +22,6 @@ from ecat.formats.format import ExportReport, ImportOptions, ImportReport
 from ecat.model import ProjectManifest, Provenance
 from ecat.progress import Progress
 from ecat.store import (
-    create_session,
     files,
     fill_session,
     find_sessions,
@@ -118,7 +117,9 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     if node.kind == "session":
         findings: list[str] = []
         progress(node.path.name, 0, 1)
-        create_session(dest, draft_of(node.path, options, findings))
+        draft = draft_of(node.path, options, findings)
+        with staged_folder(dest) as staging:
+            fill_session(staging, draft, dest)
         progress(node.path.name, 1, 1)
         return ImportReport(path=dest, format=NAME, sessions=1, findings=tuple(findings))
     work = _Import(options, progress, sum(1 for _ in node.sessions()))

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ecat.errors import FormatError, LimitError
+from ecat.errors import FormatError
 from ecat.formats.format import Format, ImportOptions, ImportReport
 from ecat.formats.recordings.common import Decoded, Track, color_track, create, depth_track
 from ecat.formats.recordings.k4a_calibration import cameras_of
@@ -164,7 +164,8 @@ def _cameras(contents: _Contents) -> tuple[tuple[Camera, ...], list[str]]:
     if contents.calibration is None:
         return (), ["there is no calibration in the recording: the cameras are unknown"]
     if len(contents.calibration) > _MAX_CALIBRATION_BYTES:
-        raise LimitError("cannot read the calibration", where=f"{len(contents.calibration):,} bytes")
+        size = f"{len(contents.calibration):,} bytes, more than {_MAX_CALIBRATION_BYTES:,}"
+        return (), [f"the calibration is too large to be one ({size}): the cameras are unknown"]
     try:
         document = json.loads(contents.calibration.rstrip(b"\0").decode("utf-8", "replace"))
     except (ValueError, RecursionError) as error:

@@ -15,12 +15,13 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ecat.errors import FormatError
-from ecat.formats.ecat2018.rig import Rig, frames_nearest, read_rig
+from ecat.formats.ecat2018.rig import Rig, read_rig
+from ecat.formats.ecat2018.session_folder import kinect_cameras
 from ecat.formats.format import Format, ImportOptions, ImportReport
 from ecat.formats.recordings.common import Decoded, Track, color_track, copied_track, create, depth_track
 from ecat.formats.recordings.several import Part, create_all
-from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
-from ecat.geometry.records import camera_record
+from ecat.formats.recordings.untimed import create_untimed
+from ecat.geometry.nearest import nearest_in_time
 from ecat.model import Stream
 from ecat.progress import Progress
 from ecat.store import TableData, files
@@ -114,16 +115,34 @@ def _create(one: _Files, folder: Path, dest: Path, what: str, progress: Progress
     tables: dict[str, TableData] = {}
     if rig is not None and rig.joints.num_rows:
         tables["joints"] = TableData(data=_joint_rows(rig, color or depth))
+    if rig is not None and not tracks:
+        return _without_images(rig, folder, dest, tables, notes)
     return create(
         dest,
         tracks,
         format_name=NAME,
         source=folder.resolve().name,
-        # the sensor's own calibration was never stored: these are fits over many recordings
-        cameras=(camera_record(KINECT_V2_COLOR, "fitted"), camera_record(KINECT_V2_DEPTH, "fitted")),
+        cameras=kinect_cameras(),
         tables=tables,
         notes=notes,
         progress=progress,
+    )
+
+
+def _without_images(
+    rig: Rig, folder: Path, dest: Path, tables: dict[str, TableData], notes: list[str]
+) -> ImportReport:
+    """Skeletons alone: without images there is nothing that a session's clock could count."""
+    told = "without images the frames are the recorder's count of colour images, and the skeletons' times are left out"
+    return create_untimed(
+        dest,
+        (),
+        format_name=NAME,
+        source=folder.resolve().name,
+        n_frames=int(np.asarray(rig.joints["counter"]).max(initial=0)),
+        cameras=kinect_cameras(),
+        tables=tables,
+        notes=[*notes, told],
     )
 
 
@@ -203,12 +222,14 @@ def _rig(one: _Files, notes: list[str]) -> Rig | None:
 def _joint_rows(rig: Rig, video: Track | None) -> Iterator[pa.RecordBatch]:
     """The skeletons on the images nearest in time; asked for when the times of the images are known."""
     rows = rig.joints
+    t_ns = rows["t_ns"] if video is not None else pa.nulls(rows.num_rows, pa.int64())
     if video is not None and len(video.t_ns) and rows["t_ns"].null_count == 0:
-        frames = frames_nearest(np.asarray(rows["t_ns"]), np.sort(np.frombuffer(video.t_ns, np.int64)))
+        moments = np.sort(np.frombuffer(video.t_ns, np.int64))
+        frames = nearest_in_time(moments, np.asarray(rows["t_ns"]), later_on_tie=True)
     else:
         frames = np.maximum(np.asarray(rows["counter"]).astype(np.int32) - 1, 0)
     columns = {
-        "t_ns": rows["t_ns"],
+        "t_ns": t_ns,
         "frame": pa.array(frames, pa.int32()),
         "object_id": pa.nulls(rows.num_rows, JOINTS.arrow.field("object_id").type),
     } | {name: rows[name] for name in _KEPT}

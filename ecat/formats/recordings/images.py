@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import EcatError, FormatError, LimitError
+from ecat.errors import EcatError, FormatError, LimitError, one_line
 from ecat.formats.format import Format, ImportOptions, ImportReport
 from ecat.formats.recordings import rgbd_video
 from ecat.formats.recordings.common import Track, color_track, depth_track
@@ -31,7 +31,7 @@ from ecat.formats.recordings.known_cameras import (
     read_calibration,
 )
 from ecat.formats.recordings.rows import trajectory_rows
-from ecat.formats.recordings.several import Part, create_all
+from ecat.formats.recordings.several import Part, create_all, folder_name
 from ecat.formats.recordings.untimed import FILE_PERIOD_NS, create_untimed
 from ecat.formats.recordings.video import SUFFIXES as VIDEOS
 from ecat.progress import Progress
@@ -98,7 +98,11 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         found = list(_sequences(source, what))
         videos = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in VIDEOS)
     if source.is_dir() and videos and found:
-        found[0].notes.append(f"{', '.join(videos[:3])}: video beside images is not imported with them")
+        names = one_line(", ".join(videos[:3]))
+        found[0].notes.append(
+            f"{names}: video beside images is not imported with them; to import both, make videos color.mp4 and "
+            "depth.mkv, or folders color/ and depth/, of the two"
+        )
     parts: list[Part] = [
         (one.name, lambda to, one=one: _create(one, folder, to, what, progress)) for one in _named(found)
     ]
@@ -274,13 +278,7 @@ def _named(found: Sequence[ImageSet]) -> Iterator[ImageSet]:
     """The same under names of their own, as folders can have them."""
     taken: set[str] = set()
     for one in found:
-        base = re.sub(r"[^\w.@+-]", "_", one.name)[:100].lstrip("._-") or "images"
-        name, count = base, 1
-        while name.lower() in taken:
-            count += 1
-            name = f"{base}_{count}"
-        taken.add(name.lower())
-        yield replace(one, name=name)
+        yield replace(one, name=folder_name(one.name, taken, default="images"))
 
 
 # ---------------------------------------------------------------------------------------------- what is made of it

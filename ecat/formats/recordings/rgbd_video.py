@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ecat.errors import FormatError
+from ecat.errors import FormatError, one_line
 from ecat.formats.format import Format, ImportOptions, ImportReport
 from ecat.formats.recordings.common import Decoded, Track, copied_track, create, depth_track
 from ecat.formats.recordings.known_cameras import read_calibration
@@ -96,6 +96,8 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     notes = [*(f"not imported: {error.where}" for error in lost), *calibration.notes]
     if not calibration.cameras:
         notes.append("the cameras are unknown: write camera.json beside the videos to measure in space")
+    there = (("colour", found.color), ("depth", found.depth))
+    notes += [f"there is no {kind} video" for kind, path in there if path is None]
     tracks: list[Track] = []
     if color is not None and found.color is not None:
         track, odd = color_video(found.color, replace(color, start_ns=start_ns), progress)
@@ -111,7 +113,7 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         suffix = found.sound.suffix.lower()
         stream = Stream(name="audio", kind="audio", file=f"media/audio{suffix}", codec=_SOUND[suffix])
         tracks.append(copied_track(stream, found.sound))
-    notes += [f"{path.name} was not imported" for path in found.others]
+    notes += [f"{one_line(path.name)} was not imported" for path in found.others]
     return create(
         dest,
         tracks,

@@ -10,7 +10,6 @@ import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -35,7 +34,7 @@ from ecat.formats.recordings.ros_messages import (
     stream_kind,
     transform_of,
 )
-from ecat.formats.recordings.rows import imu_rows
+from ecat.formats.recordings.rows import imu_rows, wall_clock
 from ecat.geometry.transforms import Rigid
 from ecat.model import Camera
 from ecat.progress import Progress
@@ -47,7 +46,6 @@ _MAGIC = {".bag": b"#ROSBAG V2", ".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite for
 _MAX_TOPICS, _MAX_STATIC = 32, 1000
 _ONE_CLOCK_NS = 1_000_000_000
 """Streams whose headers are further from the recorder's clock than this, compared to one another, have two clocks."""
-_EPOCH_NS = 10**18
 _FLOAT_ROUNDING_M = 1e-5
 """Whole millimetres in 32 bits of floating point are off by less than this."""
 _MAX_NS = 1 << 62
@@ -117,7 +115,7 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         cameras=cameras,
         tables={"imu": imu} if imu is not None else {},
         notes=list(dict.fromkeys(bag.notes)),
-        start=_wall_clock(start_ns),
+        start=wall_clock(start_ns),
         foreign={f"{NAME}:topic:{topic.label}": topic.name for topic in topics},
         progress=progress,
     )
@@ -268,12 +266,6 @@ def _choose_times(bag: Bag, topics: Sequence[_Topic]) -> int:
         times = np.array(topic.bag_ns, np.int64)
         topic.t_ns = np.array(topic.stamp_ns, np.int64) if topic.name in good else times + offset
     return offset
-
-
-def _wall_clock(t_ns: int) -> str | None:
-    if not _EPOCH_NS <= t_ns < 4 * _EPOCH_NS:
-        return None
-    return datetime.fromtimestamp(t_ns // 1000 / 1e6, UTC).isoformat(timespec="microseconds")
 
 
 # ---------------------------------------------------------------------------------------------- cameras

@@ -1,8 +1,9 @@
-"""Rows of tables that several readers fill: poses of a moving camera, readings of an IMU; and numbers from text."""
+"""What several readers make of numbers: poses of a moving camera, readings of an IMU, numbers of text, wall clocks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,16 @@ def numbers_of(text: bytes) -> NDArray[np.float64] | None:
         return np.array(words).astype(np.float64)
     except ValueError:
         return None
+
+
+def wall_clock(t_ns: int) -> str | None:
+    """ISO 8601 with microseconds of a time since 1970 (UTC); None before 2001 or from 2096 on, when it is none.
+
+    A recorder without a wall clock counts from its own start.
+    """
+    if not 10**18 <= t_ns < 4 * 10**18:
+        return None
+    return datetime.fromtimestamp(t_ns // 1000 / 1e6, UTC).isoformat(timespec="microseconds")
 
 
 def trajectory_rows(path: Path, camera: str) -> tuple[Iterator[pa.RecordBatch] | None, str]:

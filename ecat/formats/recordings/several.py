@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,17 @@ from ecat.store.project import write_project_manifest
 
 Part = tuple[str, Callable[[Path], ImportReport]]
 """The name of a session, and what writes it to the folder it is given."""
+
+
+def folder_name(wanted: str, taken: set[str], *, default: str) -> str:
+    """``wanted`` as any file system can have it, told apart from the names in ``taken``, to which it is added."""
+    base = re.sub(r"[^\w.@+-]", "_", wanted)[:100].lstrip("._-") or default
+    name, count = base, 1
+    while name.lower() in taken:
+        count += 1
+        name = f"{base}_{count}"
+    taken.add(name.lower())
+    return name
 
 
 def create_all(

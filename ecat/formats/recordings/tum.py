@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,7 +27,7 @@ from ecat.formats.recordings.known_cameras import (
     Calibration,
     read_calibration,
 )
-from ecat.formats.recordings.rows import imu_rows, numbers_of, pose_rows
+from ecat.formats.recordings.rows import imu_rows, numbers_of, pose_rows, wall_clock
 from ecat.progress import Progress
 from ecat.store import TableData, files
 from ecat.store.manifest import is_inside
@@ -37,8 +36,6 @@ NAME = "tum-rgbd"
 _LISTS = {"color": "rgb.txt", "depth": "depth.txt"}
 _MAX_BYTES = 256 << 20
 _LINE = re.compile(rb"[ \t]*(\d{1,10})(?:\.(\d{0,18}))?[ \t,]+([^\r\n]{1,4096})")
-_EPOCH_S = 10**9
-"""Times from here on are seconds since 1970, as the benchmark's are."""
 
 
 @dataclass
@@ -128,7 +125,7 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         cameras=known.cameras,
         tables=_tables(source, start_ns, notes),
         notes=[*notes, *known.notes],
-        start=_wall_clock(start_ns),
+        start=wall_clock(start_ns),
         progress=progress,
     )
 
@@ -230,12 +227,6 @@ def _tables(folder: Path, start_ns: int, notes: list[str]) -> dict[str, TableDat
         poses = np.hstack([values[good, :3], values[good, 3:] / norm[good, None]])
         tables["camera_poses"] = TableData(data=pose_rows(t_ns[good] - start_ns, None, poses, "color"))
     return tables
-
-
-def _wall_clock(t_ns: int) -> str | None:
-    if t_ns < _EPOCH_S * 10**9:
-        return None
-    return datetime.fromtimestamp(t_ns // 1000 / 1e6, UTC).isoformat(timespec="microseconds")
 
 
 FORMAT = Format(

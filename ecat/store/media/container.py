@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -85,7 +86,7 @@ def open_media(path: Path, what: str) -> Generator[InputContainer]:
         yield container
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Packets:
     """What is known of a stream's packets, in the order of the file, which is the order of decoding.
 
@@ -112,6 +113,24 @@ class Packets:
     def t_ns(self) -> NDArray[np.int64]:
         """Times of the images (n,) int64 in nanoseconds on the container's time line."""
         return to_ns(self.shown_pts, self.time_base)
+
+    @cached_property
+    def shown(self) -> NDArray[np.intp]:
+        """For each image, in the order in which they are shown, its packet."""
+        shown = np.flatnonzero(self.is_shown)
+        return shown[np.argsort(self.pts[shown], kind="stable")]
+
+    def place(self, pts: int | None) -> int | None:
+        """Which packet has this time; None if none has."""
+        if pts is None:
+            return None
+        at = int(np.searchsorted(self.pts, pts, sorter=self._by_time))
+        packet = int(self._by_time[at]) if at < len(self._by_time) else -1
+        return packet if packet >= 0 and self.pts[packet] == pts else None
+
+    @cached_property
+    def _by_time(self) -> NDArray[np.intp]:
+        return np.argsort(self.pts, kind="stable")
 
 
 def to_ns(pts: Any, time_base: Fraction) -> Any:

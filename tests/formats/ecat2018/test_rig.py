@@ -21,7 +21,6 @@ from ecat.formats.ecat2018.rig import (
     BATCH_RECORDS,
     RIG_SCHEMA,
     frames_as_ecat,
-    frames_nearest,
     frames_renumbered,
     iter_rig,
     read_rig,
@@ -229,24 +228,6 @@ class TestWriting:
 
 
 class TestAlignment:
-    def test_each_record_takes_the_frame_nearest_in_time(self) -> None:
-        frames = np.array([0, 33, 66, 100]) * 10**6
-        times = np.array([-5, 10, 17, 49, 50, 99, 500]) * 10**6
-        assert frames_nearest(times, frames).tolist() == [0, 0, 1, 1, 2, 3, 3]
-
-    @given(
-        st.lists(st.integers(0, 1000), min_size=1, max_size=20).map(sorted),
-        st.lists(st.integers(-100, 1100), max_size=20),
-    )
-    def test_no_other_frame_is_nearer(self, frames: list[int], times: list[int]) -> None:
-        clock, when = np.array(frames, np.int64), np.array(times, np.int64)
-        found = frames_nearest(when, clock)
-        assert (np.abs(clock[found] - when) == np.abs(clock[:, None] - when).min(axis=0)).all()
-
-    def test_a_video_without_frames_cannot_be_aligned_to(self) -> None:
-        with pytest.raises(UsageError):
-            frames_nearest(np.array([0]), np.array([], np.int64))
-
     def test_ecat_counts_from_one_and_truncates(self) -> None:
         """Trap: ECAT showed skeletons a frame after the marks that belong to them."""
         start = np.datetime64("2017-10-04T22:35:30.583746")

@@ -75,6 +75,13 @@ class TestStreams:
         ]
         assert made.manifest.cameras
 
+    def test_a_file_whose_name_is_not_utf8_is_left_out_and_said_so(self, tmp_path: Path) -> None:
+        folder = session_folder(tmp_path)
+        (folder / os.fsdecode(b"depth_\xff.dep")).write_bytes(b"")
+        made, findings = draft(folder)
+        assert made.manifest.streams == ()
+        assert any("depth_\\udcff.dep was not imported: its name is not UTF-8" in text for text in findings)
+
     def test_a_movie_session_has_no_cameras(self, tmp_path: Path) -> None:
         made, _ = draft(session_folder(tmp_path, a__avi=b"x"))
         assert made.manifest.cameras == ()

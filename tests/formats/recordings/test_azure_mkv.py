@@ -208,6 +208,16 @@ def test_any_value_anywhere_in_the_calibration_is_survived(value: Any, key: str)
     assert len(cameras) == 2 or problems
 
 
+def test_an_attachment_too_large_for_a_calibration_costs_the_cameras_and_not_the_images(
+    tmp_path: Path,
+) -> None:
+    large = b"{" + b" " * (1 << 20) + b"}"
+    report = import_source(write(tmp_path / "r.mkv", recording(2, calibration=large)), tmp_path / "s")
+    session = open_session(report.path)
+    assert (len(open_images(session, "color")), session.manifest.cameras) == (2, ())
+    assert any("1,048,578 bytes, more than 1,048,576" in finding for finding in report.findings)
+
+
 def test_a_recording_without_calibration_has_images_and_no_cameras(tmp_path: Path) -> None:
     report = import_source(write(tmp_path / "r.mkv", recording(2, calibration=None)), tmp_path / "s")
     assert open_session(report.path).manifest.cameras == ()

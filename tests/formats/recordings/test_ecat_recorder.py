@@ -159,3 +159,17 @@ def test_a_recording_of_several_that_cannot_be_read_is_left_out_only_if_asked_fo
     report = import_source(source, tmp_path / "rest", keep_going=True)
     assert [path.name for path in find_sessions(report.path)] == ["a"]
     assert any("b was left out" in finding for finding in report.findings)
+
+
+def test_skeletons_alone_are_a_session_of_as_many_frames_as_were_counted(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    rig(tmp_path / "in" / f"rig_{STAMP}.xml", [0, 101, 340])
+    report = import_source(tmp_path / "in", tmp_path / "s")
+    session = open_session(report.path)
+    assert (session.manifest.n_frames, session.manifest.clock.rule) == (3, "unknown")
+    joints = session.table("joints").to_arrow()
+    assert set(joints["frame"].to_pylist()) == {0, 1, 2}
+    assert joints["t_ns"].null_count == joints.num_rows == 3 * len(KINECT_V2.joints)
+    assert {"there is no colour video", "there is no depth file"} < set(report.findings)
+    assert any("the skeletons' times are left out" in finding for finding in report.findings)
+    assert [f for f in check(report.path) if f.severity == "error"] == []

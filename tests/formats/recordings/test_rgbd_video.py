@@ -155,6 +155,16 @@ def test_uneven_times_are_kept(tmp_path_factory: pytest.TempPathFactory, steps: 
 # --- one without the other
 
 
+@pytest.mark.parametrize(
+    ("kept", "told"), [("color", "there is no depth video"), ("depth", "there is no colour video")]
+)
+def test_a_video_that_is_not_there_is_missed(tmp_path: Path, kept: str, told: str) -> None:
+    report = import_source(
+        folder(tmp_path / "in", color=kept == "color", depth=kept == "depth"), tmp_path / "s"
+    )
+    assert [finding for finding in report.findings if finding.startswith("there is no")] == [told]
+
+
 def test_color_alone_is_a_session(tmp_path: Path) -> None:
     session = imported(folder(tmp_path / "r", depth=False))
     assert [stream.name for stream in session.manifest.streams] == ["color"]

@@ -21,7 +21,7 @@ from ecat.stages.images import Images
 from ecat.store import Session
 from ecat.store.media import nearest, open_images
 from ecat.store.media.container import Packets
-from ecat.store.media.images import runs
+from ecat.store.media.sources import runs
 from tests.store.media.clips import (
     COLOR,
     DEPTH,
@@ -113,6 +113,24 @@ def test_far_jumps_lead_to_the_image_asked_for(tmp_path: Path) -> None:
     for wanted in ([399], [0, 200, 399], [100, 101, 300]):
         for image, i in zip(images.read(wanted), wanted, strict=True):
             np.testing.assert_array_equal(image, depth_image(i))
+
+
+@pytest.mark.parametrize("codec", ["color", "depth"])
+def test_images_can_be_asked_for_again_and_again_in_any_direction(tmp_path: Path, codec: str) -> None:
+    n = 200
+    stream, clip = (COLOR, color_clip) if codec == "color" else (DEPTH, depth_clip)
+    session = session_of(tmp_path / "s", [stream], {codec: lambda path: clip(path, n)}, n_frames=n)
+    fresh = {i: image.copy() for i, image in enumerate(open_images(session, codec))}
+    with open_images(session, codec, threads=2) as images:
+        for wanted in ([150], [151], [3], [199], [0, 120, 130], [130]):
+            for image, i in zip(images.read(wanted), wanted, strict=True):
+                np.testing.assert_array_equal(image, fresh[i])
+        given_up, other = images.read([10, 20, 30]), images.read([10, 150])
+        np.testing.assert_array_equal(next(given_up), fresh[10])
+        np.testing.assert_array_equal(next(other), fresh[10])
+        del given_up
+        np.testing.assert_array_equal(next(other), fresh[150])
+        np.testing.assert_array_equal(next(images.read([20])), fresh[20])
 
 
 @pytest.mark.parametrize("wanted", [[3, 2], [5, 5], [-1], [N]])

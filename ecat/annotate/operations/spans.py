@@ -1,0 +1,149 @@
+"""Operations on when an event happens: its segments and their edges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+from ecat.annotate.operations.base import Edit, Operation
+from ecat.annotate.operations.events import Span, remove_tree
+from ecat.model import Event, Segment
+from ecat.model.document import span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetSegments(Operation):
+    """Replace the segments of an event."""
+
+    id: str
+    segments: tuple[Span, ...]
+
+    def perform(self, edit: Edit) -> None:
+        """Replace them."""
+        set_segments(edit, edit.event(self.id), self.segments)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveEdge(Operation):
+    """Let a segment start or end at another frame.
+
+    Where the event becomes shorter than its sub-events, these are cut (``clip``; one of which nothing is left is
+    removed), or the move is refused.
+    """
+
+    id: str
+    edge: Literal["start", "end"]
+    frame: int
+    segment: int = 0
+    children: Literal["refuse", "clip"] = "refuse"
+
+    def perform(self, edit: Edit) -> None:
+        """Move it."""
+        event = edit.event(self.id)
+        spans = spans_of(event)
+        start, end = spans[_position(edit, event, self.segment)]
+        spans[self.segment] = (self.frame, end) if self.edge == "start" else (start, self.frame)
+        set_segments(edit, event, spans)
+        if self.children == "clip":
+            clip_children(edit, self.id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveEvent(Operation):
+    """Let an event, with its sub-events, happen ``frames`` later (earlier, if negative)."""
+
+    id: str
+    frames: int
+
+    def perform(self, edit: Edit) -> None:
+        """Move it."""
+        event = edit.event(self.id)
+        if not event.segments:
+            raise edit.refusal(f"event {self.id} has no segments", "set its segments instead")
+        self._move(edit, event)
+
+    def _move(self, edit: Edit, event: Event) -> None:
+        set_segments(edit, event, [(s + self.frames, e + self.frames) for s, e in spans_of(event)])
+        for child in edit.document.children(event.id):
+            if child.segments:
+                self._move(edit, child)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AddSegment(Operation):
+    """One more stretch of an event."""
+
+    id: str
+    start_frame: int
+    end_frame: int
+
+    def perform(self, edit: Edit) -> None:
+        """Add it."""
+        event = edit.event(self.id)
+        set_segments(edit, event, [*spans_of(event), (self.start_frame, self.end_frame)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoveSegment(Operation):
+    """Remove the stretch number ``segment`` (from 0) of an event that has several."""
+
+    id: str
+    segment: int
+
+    def perform(self, edit: Edit) -> None:
+        """Remove it."""
+        event = edit.event(self.id)
+        at = _position(edit, event, self.segment)
+        if len(event.segments) == 1:
+            raise edit.refusal(f"event {self.id} has no other segment", "remove the event instead")
+        spans = spans_of(event)
+        set_segments(edit, event, [*spans[:at], *spans[at + 1 :]])
+
+
+def spans_of(event: Event) -> list[Span]:
+    """The segments of an event as pairs of frames."""
+    return [(s.start_frame, s.end_frame) for s in event.segments]
+
+
+def set_segments(edit: Edit, event: Event, spans: Sequence[Span]) -> None:
+    """Give an event other segments; those that it had keep their times, even if they are not in the recording."""
+    known = {(s.start_frame, s.end_frame): s for s in event.segments}
+    kept = [known[pair] for pair in spans if pair in known]
+    new = [edit.segment(*pair) for pair in spans if pair not in known]
+    segments = sorted([*kept, *new], key=lambda s: (s.start_frame, s.end_frame))
+    if not segments:
+        edit.segments(())
+    for first, second in pairwise(segments):
+        if second.start_frame < first.end_frame:
+            raise edit.refusal(
+                f"event {event.id}: frames {_shown(first)} and {_shown(second)} overlap",
+                "let the segments of an event lie apart, or make it one",
+            )
+    edit.put(replace(event, segments=tuple(segments)))
+
+
+def clip_children(edit: Edit, name: str) -> None:
+    """Cut the sub-events of an event, and theirs, to its span."""
+    extent = span(edit.event(name))
+    if extent is None:
+        return
+    for child in edit.document.children(name):
+        spans = [(max(s, extent[0]), min(e, extent[1])) for s, e in spans_of(child)]
+        kept = [(s, e) for s, e in spans if s < e]
+        if child.segments and not kept:
+            remove_tree(edit, child.id)
+        elif kept != spans_of(child):
+            set_segments(edit, child, kept)
+            clip_children(edit, child.id)
+
+
+def _position(edit: Edit, event: Event, segment: int) -> int:
+    if not 0 <= segment < len(event.segments):
+        raise edit.refusal(f"event {event.id} has {len(event.segments)} segments, none is number {segment}")
+    return segment
+
+
+def _shown(segment: Segment) -> str:
+    return f"{segment.start_frame} to {segment.end_frame}"

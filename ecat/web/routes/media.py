@@ -1,0 +1,67 @@
+"""Videos, single images, distances, and when images were taken."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import FileResponse
+
+from ecat.errors import NotFoundError
+from ecat.web.answers import BINARY, error_answer, json_answer, packed_answer
+from ecat.web.shapes import DepthAnswer
+from ecat.web.site import TheSession
+from ecat.web.times import image_times_s
+
+router = APIRouter(prefix="/api/sessions/{sid}", tags=["media"])
+REVALIDATED = {"cache-control": "private, no-cache"}
+
+
+@router.get("/times/{stream}", response_class=Response)
+def times(opened: TheSession, stream: str, request: Request) -> Response:
+    """Seconds since the session's start, float64, one for each image of the stream."""
+    session = opened.session
+    seconds = image_times_s(session, session.stream(stream)).astype("<f8")
+    return packed_answer(request, seconds.tobytes(), BINARY)
+
+
+@router.get("/media/{stream}", response_class=FileResponse)
+def media(opened: TheSession, stream: str, request: Request) -> Response:
+    """The video to play; it begins to be made if it is not there."""
+    proxy = opened.site.proxies.get(opened.session, stream)
+    if proxy.state != "ready" or proxy.path is None:
+        failed = proxy.state == "failed"
+        error = NotFoundError(
+            f"cannot play stream {stream}",
+            where=proxy.why if failed else "its video is being made",
+            fix="show the images one by one" if failed else "try again soon, or show the images one by one",
+        )
+        answer = error_answer(error)
+        if not failed:
+            answer.headers["retry-after"] = "1"
+        return answer
+    stat = proxy.path.stat()
+    tag = f'"{stat.st_ino:x}-{stat.st_size:x}-{stat.st_mtime_ns:x}"'
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"etag": tag, **REVALIDATED})
+    kind = "video/mp4"
+    return FileResponse(proxy.path, media_type=kind, stat_result=stat, headers={"etag": tag, **REVALIDATED})
+
+
+@router.get("/frames/{stream}/{frame}.jpg", response_class=Response)
+def frame(opened: TheSession, stream: str, frame: int) -> Response:
+    """Image ``frame`` of the stream, exactly, as a JPEG."""
+    return Response(opened.site.exact.jpeg(opened.session, stream, frame), media_type="image/jpeg")
+
+
+@router.get("/depth/{stream}/{frame}", response_model=DepthAnswer)
+def depth(
+    opened: TheSession,
+    stream: str,
+    frame: int,
+    u: Annotated[float, Query(description="column of the depth image, pixels")],
+    v: Annotated[float, Query(description="row of the depth image, pixels")],
+) -> Response:
+    """How far it is to what a pixel of image ``frame`` shows."""
+    return json_answer(opened.site.exact.depth(opened.session, stream, frame, u, v))

@@ -1,0 +1,67 @@
+"""The project, and what a session is made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Response
+
+from ecat.store.media import annotated_stream
+from ecat.web.answers import json_answer
+from ecat.web.proxies import Proxy, describe
+from ecat.web.shapes import Invitation, ProjectShape, SessionShape
+from ecat.web.site import OpenSession, TheSession, TheSite
+
+router = APIRouter(prefix="/api", tags=["sessions"])
+
+
+@router.get("/project", response_model=ProjectShape)
+def project(site: TheSite) -> Response:
+    """The project and its sessions."""
+    return json_answer({**site.library.describe(), "author": site.author, "layer": site.layer})
+
+
+@router.post("/invitations", response_model=Invitation)
+async def invite(site: TheSite) -> Response:
+    """An address for somebody else, or for another browser."""
+    return json_answer({"path": f"/?token={site.access.invite()}"})
+
+
+@router.get("/sessions/{sid}", response_model=SessionShape)
+def session(opened: TheSession) -> Response:
+    """What there is to show of a session; its videos begin to be made."""
+    return json_answer(_described(opened))
+
+
+def _described(opened: OpenSession) -> dict[str, Any]:
+    manifest, facts = opened.session.manifest, opened.facts()
+    video = annotated_stream(manifest)
+    made = opened.proxies(make=True)
+    streams = [
+        {
+            "name": stream.name,
+            "kind": stream.kind,
+            "n_frames": facts["images"].get(stream.name, 0),
+            "width_px": stream.width_px,
+            "height_px": stream.height_px,
+            "camera": stream.camera,
+            "present": stream.present,
+            "proxy": describe(made.get(stream.name, Proxy()), opened.proxy_url(stream.name)),
+        }
+        for stream in manifest.streams
+    ]
+    ns = manifest.clock.duration_ns
+    return {
+        "id": opened.sid,
+        "name": manifest.name,
+        "n_frames": manifest.n_frames,
+        "duration_s": None if ns is None else ns / 1e9,
+        "clock": manifest.clock.rule,
+        "video": None if video is None else video.name,
+        "streams": streams,
+        "layers": [],
+        "tables": [record.name for record in manifest.tables],
+        "scheme": None,
+        "schemes": [],
+        **{name: facts[name] for name in ("frame_rate_median", "cameras", "bodies", "boxes", "plane")},
+    }

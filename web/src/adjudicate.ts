@@ -1,0 +1,177 @@
+// Comparing two annotators and building a third layer of what holds: the gold layer.
+// Taking over is the same operation that accepts a proposal of the machine, so the gold layer itself keeps the decisions.
+
+import { attempt } from "./actions";
+import { fill, h } from "./dom";
+import { choice, field } from "./inspector/fields";
+import { type App, MACHINE, type Selected } from "./state";
+import type { Agreement, AgreementFigures, Disagreement, Operation } from "./types";
+
+type Verdict = "first" | "second" | "both" | "neither";
+
+const LABELS: [Verdict, string, string][] = [["first", "Take A", "1"], ["second", "Take B", "2"], ["both", "Both", "3"], ["neither", "Neither", "4"]];
+
+export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void } {
+  const names = (app.session?.layers ?? []).map((l) => l.name).filter((n) => n !== MACHINE);
+  const given = new URLSearchParams(location.hash.split("?")[1] ?? "");
+  const people = names.filter((n) => n !== "gold");
+  const chosen = { first: given.get("first") ?? people[0] ?? "", second: given.get("second") ?? people[1] ?? "", gold: given.get("gold") ?? "gold" };
+  const panel = h("div.panel", { "data-testid": "adjudicate" });
+  let agreement: Agreement | null = null;
+  let at = 0;
+  // What has been looked at here; the verdicts themselves are in the gold layer.
+  const seenKey = (): string => `ecat.adjudicated.${app.session?.id ?? ""}.${chosen.first}.${chosen.second}.${chosen.gold}`;
+  let seen = new Set<string>();
+
+  const compare = async (): Promise<void> => {
+    const sid = app.session?.id;
+    if (sid === undefined || chosen.first === chosen.second) return;
+    try {
+      // Layers are compared as they were last saved.
+      await Promise.all([chosen.first, chosen.second].map((name) => app.api.save(sid, name)));
+      agreement = await app.api.agreement(sid, [chosen.first, chosen.second]);
+      await app.setActiveLayer(chosen.gold, false);
+      await app.setShown([chosen.gold, chosen.first, chosen.second]);
+      seen = new Set(JSON.parse(localStorage.getItem(seenKey()) ?? "[]") as string[]);
+      at = Math.max(0, agreement.disagreements.findIndex((d) => !seen.has(keyOf(d))));
+      jump();
+    } catch (error) {
+      app.fail(error);
+    }
+    show();
+  };
+
+  const jump = (): void => {
+    const one = agreement?.disagreements[at];
+    if (one === undefined) return;
+    app.seek(one.start_frame);
+    const selected: Selected[] = [];
+    if (one.first !== null) selected.push({ kind: one.kind, id: one.first, layer: chosen.first });
+    if (one.second !== null) selected.push({ kind: one.kind, id: one.second, layer: chosen.second });
+    app.select(selected);
+  };
+
+  const take = async (verdict: Verdict): Promise<void> => {
+    const one = agreement?.disagreements[at];
+    if (one === undefined || agreement === null) return;
+    const operations = [
+      ...decide(app, one, chosen.first, one.first, verdict === "first" || verdict === "both"),
+      ...decide(app, one, chosen.second, one.second, verdict === "second" || verdict === "both"),
+    ];
+    if (operations.length > 0 && (await attempt(app, operations)) === null) return;
+    seen.add(keyOf(one));
+    localStorage.setItem(seenKey(), JSON.stringify([...seen]));
+    const next = agreement.disagreements.findIndex((d, i) => i > at && !seen.has(keyOf(d)));
+    at = next >= 0 ? next : at;
+    jump();
+    show();
+  };
+
+  const takeAgreed = async (): Promise<void> => {
+    const layer = app.layers.get(chosen.first);
+    if (layer === undefined || agreement === null) return;
+    const operations = agreed(app, chosen.first, agreement.disagreements);
+    if (operations.length === 0) return app.notify("Everything that both agree on is there already.");
+    if ((await attempt(app, operations)) !== null) app.notify(`${operations.length} things that both agree on were taken over.`);
+    show();
+  };
+
+  const show = (): void => {
+    const row = (label: string, key: "first" | "second"): HTMLElement[] => field(label, choice(label, chosen[key], people, (value) => {
+      chosen[key] = value;
+      void compare();
+    }, { testId: `adjudicate-${key}` }));
+    fill(panel,
+      h("div.headline", null, h("strong", null, "Compare two layers"), h("span.spacer"), h("a.button.adjudicate-link", { href: `#/session/${encodeURIComponent(app.session?.id ?? "")}` }, "Done")),
+      people.length < 2 ? h("p.hint", null, "Comparing needs the layers of two annotators; this session has fewer.") : null,
+      h("div.fields", null, row("Layer A", "first"), row("Layer B", "second"), h("span.label", null, "Builds"), h("span.mono", null, chosen.gold)),
+      agreement === null ? null : figures(agreement.figures),
+      agreement === null ? null : h("div.actions", null, h("button.button", { type: "button", onclick: () => void takeAgreed(), "data-testid": "take-agreed" }, "Take what both agree on")),
+      agreement === null ? null : list(agreement, at));
+  };
+
+  const list = (found: Agreement, current: number): HTMLElement => {
+    const open = found.disagreements.filter((d) => !seen.has(keyOf(d))).length;
+    const one = found.disagreements[current];
+    return h("div.section", null,
+      h("h3", null, `${found.disagreements.length} disagreements, ${open} open`),
+      one === undefined ? h("p.empty", null, "They agree in everything.") : h("div.hint", null, h("div", null, h("strong", null, `${one.label || one.kind} `), differences(one, chosen)),
+        h("div.actions", null, LABELS.map(([verdict, label, key]) => h("button.button", {
+          type: "button", title: `${label} (${key})`, "data-testid": `take-${verdict}`,
+          disabled: one.kind === "object" || (verdict === "first" && one.first === null) || (verdict === "second" && one.second === null) || (verdict === "both" && (one.first === null || one.second === null)),
+          onclick: () => void take(verdict),
+        }, label))),
+        one.kind === "object" ? h("p.muted", null, "Objects come along with the events that need them.") : null),
+      h("div", { role: "listbox", "aria-label": "Disagreements" }, found.disagreements.slice(0, 500).map((d, i) => h("div.list-row.history-row", {
+        role: "option", "aria-selected": String(i === current), "data-testid": `disagreement-${i}`,
+        onclick: () => {
+          at = i;
+          jump();
+          show();
+        },
+      }, h("span.grow", null, `${d.label || d.kind} – ${d.differs.join(", ")}`), h("span.at", null, `${d.start_frame}–${d.end_frame}`),
+      h("span.chip", { class: seen.has(keyOf(d)) ? "chip good" : "chip" }, state(app, d, chosen, seen.has(keyOf(d))))))));
+  };
+
+  const onKey = (event: KeyboardEvent): void => {
+    const key = LABELS.find(([, , k]) => k === event.key);
+    if (key === undefined || event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]") !== null) return;
+    if (event.target instanceof Element && event.target.closest("input, textarea, select") !== null) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    panel.querySelector<HTMLButtonElement>(`[data-testid="take-${key[0]}"]`)?.click();
+  };
+  // Before the keys of the coding scheme, which has digits too.
+  window.addEventListener("keydown", onKey, true);
+  fill(host, panel);
+  show();
+  void compare();
+  return { destroy: () => window.removeEventListener("keydown", onKey, true) };
+}
+
+function keyOf(d: Disagreement): string {
+  return `${d.kind} ${d.first ?? ""} ${d.second ?? ""}`;
+}
+
+function differences(d: Disagreement, chosen: { first: string; second: string }): string {
+  if (d.first === null) return `is only in ${chosen.second}`;
+  if (d.second === null) return `is only in ${chosen.first}`;
+  return `differs in ${d.differs.join(", ")}`;
+}
+
+function state(app: App, d: Disagreement, chosen: { first: string; second: string }, seen: boolean): string {
+  const accepted = (layer: string, id: string | null): boolean => id !== null && app.document.decisions.get(`${layer}/${id}`)?.verdict === "accepted";
+  const found = [accepted(chosen.first, d.first) ? "A" : "", accepted(chosen.second, d.second) ? "B" : ""].filter(Boolean).join(" + ");
+  return found || (seen ? "neither" : "open");
+}
+
+/** What makes the gold layer contain, or not contain, an element of another layer. */
+function decide(app: App, d: Disagreement, layer: string, id: string | null, wanted: boolean): Operation[] {
+  if (id === null || d.kind === "object") return [];
+  const proposal = `${layer}/${id}`;
+  const now = app.document.decisions.get(proposal);
+  if (wanted) return now?.verdict === "accepted" ? [] : [{ op: "accept_proposal", proposal }];
+  if (now?.verdict === "rejected") return [];
+  const there = now?.verdict === "accepted" && app.document[d.kind === "event" ? "events" : "relations"].get(now.result) !== undefined;
+  return [...(there ? [{ op: `remove_${d.kind}`, id: now.result }] : []), { op: "reject_proposal", proposal }];
+}
+
+/** Takes over whatever of the first layer nobody disputes; sub-events come with their events. */
+function agreed(app: App, layer: string, disagreements: Disagreement[]): Operation[] {
+  const source = app.layers.get(layer)?.document;
+  if (source === undefined) return [];
+  const disputed = new Set(disagreements.map((d) => `${d.kind} ${d.first ?? ""}`));
+  const open = (kind: string, id: string): boolean => !disputed.has(`${kind} ${id}`) && app.document.decisions.get(`${layer}/${id}`) === undefined;
+  const events = source.events.list.filter((e) => open("event", e.id) && (e.parent === null || disputed.has(`event ${e.parent}`)));
+  const relations = source.relations.list.filter((r) => open("relation", r.id));
+  return [...events, ...relations].map((e) => ({ op: "accept_proposal", proposal: `${layer}/${e.id}` }));
+}
+
+function figures(agreement: AgreementFigures): HTMLElement {
+  const number = (value: number | null | undefined): string => (value === null || value === undefined ? "–" : value.toFixed(2));
+  const f1 = agreement.events.filter((e) => Math.abs(e.least_iou - 0.5) < 1e-6 && e.of !== "type");
+  return h("table", null,
+    h("thead", null, h("tr", null, h("th", null, "Tier"), h("th.number", { title: "Cohen's kappa of the labels by frame" }, "κ"), h("th.number", { title: "Krippendorff's alpha of the labels by frame" }, "α"), h("th.number", { title: "F1 of events that overlap by half" }, "F1"))),
+    h("tbody", null, Object.entries(agreement.tiers).map(([tier, of]) => h("tr", null, h("td", null, tier || "(none)"), h("td.number", null, number(of.cohen_kappa)),
+      h("td.number", null, number(of.krippendorff_alpha)), h("td.number", null, number(f1.find((e) => e.name === tier)?.f1))))));
+}

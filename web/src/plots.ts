@@ -1,0 +1,202 @@
+// Speeds and distances below the timeline, on its axis.
+
+import "./stage.css";
+import { h } from "./dom";
+import type { App } from "./state";
+import { onTheme, palette } from "./theme";
+import { nth, withAlpha } from "./timeline/colors";
+import { Curve, spreadOver } from "./timeline/curve";
+import { GUTTER_PX, sharedAxis } from "./timeline/shared";
+import { sized } from "./timeline/surface";
+import type { SeriesInfo } from "./types";
+
+const HEIGHT = 46;
+/** Shown until the person chooses. */
+const AT_FIRST = 1;
+
+export function createPlots(host: HTMLElement, app: App): { destroy(): void } {
+  const plots = new Plots(host, app);
+  return { destroy: () => plots.destroy() };
+}
+
+class Plots {
+  private readonly shared: ReturnType<typeof sharedAxis>;
+  private readonly curves = new Map<string, Curve | null>();
+  private readonly menu = h("div.plots-menu", { role: "group", "aria-label": "Curves to show" });
+  private readonly list = h("div.plots-list");
+  private readonly rows = new Map<string, { element: HTMLElement; canvas: HTMLCanvasElement; value: HTMLElement }>();
+  private readonly offs: (() => void)[];
+  private series: SeriesInfo[] = [];
+  private open = false;
+  private queued = 0;
+
+  constructor(
+    private readonly host: HTMLElement,
+    private readonly app: App,
+  ) {
+    this.shared = sharedAxis(app);
+    const queue = () => this.queue();
+    this.offs = [this.shared.onChange(queue), app.on("cursor", queue), onTheme(queue), app.on("settings", () => this.arrange())];
+    const sid = app.session?.id;
+    if (sid === undefined) return;
+    app.api.series(sid).then((series) => {
+      this.series = series;
+      if (series.length) this.build();
+    }, () => undefined);
+  }
+
+  private build(): void {
+    const button = h("button.plots-button", {
+      type: "button", "data-testid": "plots-menu", "aria-expanded": "false", title: "Choose curves of speed and distance",
+      onclick: () => {
+        this.open = !this.open;
+        button.setAttribute("aria-expanded", String(this.open));
+        this.menu.hidden = !this.open;
+      },
+    }, "Plots ▾");
+    this.menu.hidden = true;
+    this.menu.append(...this.series.map(({ name, title, unit }) => {
+      const box = h("input", { type: "checkbox", "data-testid": `plot-${name}`, onchange: () => this.choose(name, box.checked) });
+      box.checked = this.chosen.includes(name);
+      return h("label.check", null, box, `${title}, ${unit}`);
+    }));
+    this.host.append(h("div.plots", null, h("div.plots-head", null, button, this.menu), this.list));
+    this.host.addEventListener("wheel", (event) => {
+      this.shared.wheel(event, event.clientX - this.host.getBoundingClientRect().left - GUTTER_PX);
+    }, { passive: false });
+    this.arrange();
+  }
+
+  /** Names of the curves shown: those chosen that this session has, or the first ones. */
+  private get chosen(): string[] {
+    const names = this.series.map((s) => s.name);
+    if (this.app.settings.plots.includes("-")) return this.app.settings.plots.filter((name) => names.includes(name));
+    const chosen = this.app.settings.plots.filter((name) => names.includes(name));
+    return chosen.length ? chosen : names.slice(0, AT_FIRST);
+  }
+
+  private choose(name: string, shown: boolean): void {
+    const rest = this.chosen.filter((n) => n !== name);
+    const plots = shown ? [...rest, name] : rest;
+    // a dash says that none is a choice, too
+    this.app.set({ plots: plots.length ? plots : ["-"] });
+  }
+
+  private arrange(): void {
+    if (!this.series.length) return;
+    const { chosen } = this;
+    for (const [name, { element }] of this.rows)
+      if (!chosen.includes(name)) {
+        element.remove();
+        this.rows.delete(name);
+      }
+    for (const name of chosen) if (!this.rows.has(name)) this.add(name);
+    this.queue();
+  }
+
+  private add(name: string): void {
+    const info = this.series.find((s) => s.name === name)!;
+    const canvas = h("canvas.plot-canvas", { "aria-hidden": "true", onpointerdown: (event: PointerEvent) => this.scrub(canvas, event) });
+    const value = h("span.plot-value", { "data-testid": `value-${name}` });
+    const element = h("div.plot", { role: "group", "aria-label": `${info.title}, ${info.unit}` },
+      h("div.plot-name", { title: `${info.title}, ${info.unit}` }, h("span.tl-text", null, info.title), value), canvas);
+    this.rows.set(name, { element, canvas, value });
+    this.list.append(element);
+    if (!this.curves.has(name)) void this.load(name);
+  }
+
+  private async load(name: string): Promise<void> {
+    this.curves.set(name, null);
+    try {
+      const table = await this.app.api.seriesValues(this.app.session?.id ?? "", name);
+      const values = spreadOver(table.columns.get("frame")!.values, table.columns.get("value")!.values, this.app.nFrames);
+      this.curves.set(name, new Curve(values));
+      this.queue();
+    } catch (error) {
+      this.app.fail(error);
+    }
+  }
+
+  private scrub(canvas: HTMLElement, event: PointerEvent): void {
+    if (event.button !== 0) return;
+    const left = canvas.getBoundingClientRect().left;
+    const move = (e: PointerEvent) => this.app.seek(Math.floor(this.shared.axis.frame(e.clientX - left)));
+    canvas.setPointerCapture(event.pointerId);
+    canvas.addEventListener("pointermove", move);
+    canvas.addEventListener("lostpointercapture", () => canvas.removeEventListener("pointermove", move), { once: true });
+    move(event);
+  }
+
+  private queue(): void {
+    this.queued ||= requestAnimationFrame(() => {
+      this.queued = 0;
+      for (const [name, row] of this.rows) this.paint(name, row.canvas, row.value);
+    });
+  }
+
+  private paint(name: string, canvas: HTMLCanvasElement, label: HTMLElement): void {
+    const { axis } = this.shared;
+    const colors = palette();
+    const context = sized(canvas, axis.width, HEIGHT);
+    context.fillStyle = colors.surface;
+    context.fillRect(0, 0, axis.width, HEIGHT);
+    const curve = this.curves.get(name);
+    if (!curve) return;
+    const info = this.series.find((s) => s.name === name);
+    const color = nth(this.series.findIndex((s) => s.name === name));
+    const low = Math.min(0, curve.low);
+    const y = (value: number) => HEIGHT - 4 - ((value - low) / (curve.high - low || 1)) * (HEIGHT - 10);
+    context.fillStyle = colors.line;
+    context.fillRect(0, Math.round(y(0)), axis.width, 1);
+    this.trace(context, curve, y);
+    context.strokeStyle = color;
+    context.lineWidth = 1.5;
+    context.lineJoin = "round";
+    context.stroke();
+    context.fillStyle = colors.muted;
+    context.font = `10px ${colors.font}`;
+    context.textBaseline = "top";
+    context.fillText(`${curve.high.toPrecision(3)} ${info?.unit ?? ""}`, 4, 2);
+    const { frame } = this.app.cursor;
+    const value = curve.values[frame] ?? Number.NaN;
+    label.textContent = Number.isNaN(value) ? "–" : `${value.toFixed(3)} ${info?.unit ?? ""}`;
+    const x = axis.x(frame);
+    context.fillStyle = withAlpha(colors.bad, 0.9);
+    context.fillRect(Math.round(x), 0, 1, HEIGHT);
+    if (Number.isNaN(value)) return;
+    context.fillStyle = color;
+    context.beginPath();
+    context.arc(x + axis.pxPerFrame / 2, y(value), 3, 0, 2 * Math.PI);
+    context.fill();
+  }
+
+  private trace(context: CanvasRenderingContext2D, curve: Curve, y: (value: number) => number): void {
+    const { axis } = this.shared;
+    context.beginPath();
+    let down = false;
+    const to = (x: number, value: number) => {
+      if (Number.isNaN(value)) down = false;
+      else if (down) context.lineTo(x, y(value));
+      else {
+        context.moveTo(x, y(value));
+        down = true;
+      }
+    };
+    if (axis.pxPerFrame >= 0.8) {
+      const last = Math.min(curve.values.length - 1, Math.ceil(axis.last));
+      for (let frame = Math.max(0, Math.floor(axis.first)); frame <= last; frame++) to(axis.x(frame + 0.5), curve.values[frame]!);
+      return;
+    }
+    for (let x = 0; x < axis.width; x++) {
+      const [low, high] = curve.range(Math.floor(axis.frame(x)), Math.floor(axis.frame(x + 1)));
+      to(x, low);
+      if (high !== low) to(x, high);
+    }
+  }
+
+  destroy(): void {
+    cancelAnimationFrame(this.queued);
+    for (const off of this.offs) off();
+    this.host.replaceChildren();
+  }
+}
