@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+from ecat.errors import NotFoundError
 from ecat.model import CodingScheme
+from ecat.model.scheme import ECAT_2018_SCHEME
 from ecat.store import Session, schemes
 from ecat.store.schemes import read_scheme, write_scheme
 
@@ -32,4 +35,14 @@ def scheme_file(folder: Path, name: str) -> Path:
     return (places[0] if places else folder) / f"{name}{schemes.ENDING}"
 
 
-__all__ = ["find_scheme", "read_scheme", "scheme_file", "scheme_names", "write_scheme"]
+def scheme_to_extend(folder: Path, name: str) -> CodingScheme:
+    """The scheme called ``name`` for the session or project in ``folder``; a new one begins as a copy of
+    ``ecat-2018``.
+    """
+    try:
+        return schemes.find_scheme(folder, name)
+    except NotFoundError:
+        return replace(ECAT_2018_SCHEME, name=name)
+
+
+__all__ = ["find_scheme", "read_scheme", "scheme_file", "scheme_names", "scheme_to_extend", "write_scheme"]

@@ -13,7 +13,7 @@ from ecat.cli.edit import author_option, editing, layer_option, path_argument
 from ecat.cli.output import Output
 from ecat.cli.text import count
 from ecat.cli.verb import verb
-from ecat.errors import EcatError, FormatError
+from ecat.errors import FormatError
 
 MAX_BYTES = 256 << 20
 
@@ -44,21 +44,10 @@ def command(out: Output, path: Path, source: Path, layer: str, author: str | Non
     {"op": "add_event", "type": "slide", "segments": [[120, 180]], "roles": {"Theme": "o1"}}
     {"op": "move_edge", "id": "a1", "segment": 0, "edge": "end", "frame": 184}
     """  # noqa: D301  click wants the backspace itself
-    from ecat.annotate import operation_from_dict
+    from ecat.annotate import operations_from_list
 
-    items = _read(source)
-    operations = []
-    for number, item in enumerate(items):
-        try:
-            operations.append(operation_from_dict(item))
-        except EcatError as error:
-            raise FormatError(
-                f"cannot apply {source}",
-                where=(f"operation {number}: {error.what}", *error.where.split("\n")),
-                consequence="nothing was changed",
-                fix=error.fix,
-            ) from None
-    with editing(path, layer, author) as editor, out.progress() as progress:
+    operations = operations_from_list(_read(source))
+    with editing(path, layer, author, new=True) as editor, out.progress() as progress:
         if one_step and operations:
             editor.apply(operations)
         for done, operation in enumerate([] if one_step else operations):
@@ -77,10 +66,7 @@ def _read(source: Path) -> list[Any]:
         with files.typed_errors(f"cannot read {source.name}", source):
             data = files.read_bytes(source, MAX_BYTES)
     try:
-        text = data.decode("utf-8-sig")
-        if text.lstrip().startswith("["):
-            return list(json.loads(text))
-        return [json.loads(line) for line in text.splitlines() if line.strip()]
+        return _objects(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise FormatError(
             f"cannot read {source.name}",
@@ -88,3 +74,11 @@ def _read(source: Path) -> list[Any]:
             consequence="nothing was changed",
             fix='write a line for each operation: {"op": "add_event", ...}',
         ) from None
+
+
+def _objects(text: str) -> list[Any]:
+    whole = text.lstrip().startswith("[")
+    found = json.loads(text) if whole else [json.loads(line) for line in text.splitlines() if line.strip()]
+    if not all(isinstance(item, dict) for item in found):
+        raise ValueError("an operation is an object in braces")
+    return found

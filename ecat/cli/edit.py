@@ -46,7 +46,7 @@ def edits(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., Fi
         def run(out: Output, path: Path, layer: str, author: str | None, **options: Any) -> None:
             from ecat.annotate import operation_from_dict
 
-            with editing(path, layer, author) as editor:
+            with editing(path, layer, author, new=True) as editor:
                 said = build(moments(editor.session), **options)
                 operations = [
                     operation_from_dict(fields) for fields in ([said] if isinstance(said, dict) else said)
@@ -60,13 +60,16 @@ def edits(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., Fi
     return make
 
 
-def editing(path: Path, layer: str, author: str | None) -> Editor:
-    """The editor of a session's layer."""
+def editing(path: Path, layer: str, author: str | None, *, new: bool = False) -> Editor:
+    """The editor of a session's layer, which is made if it may be ``new``."""
     from ecat.annotate import Editor
     from ecat.annotate.queries import default_author
     from ecat.store import open_session
 
-    return Editor(open_session(path), layer, author or default_author())
+    session = open_session(path)
+    if not new:
+        session.layer(layer)  # there is one, or the error says which there are
+    return Editor(session, layer, author or default_author())
 
 
 def report(out: Output, editor: Editor, record: Record) -> None:
@@ -165,8 +168,8 @@ def numbers(text: str) -> list[float]:
 
 
 def given(**fields: Any) -> Fields:
-    """The fields that were given; flags count if they are."""
-    return {name: value for name, value in fields.items() if value not in {None, ()} if value != []}
+    """The fields that were given."""
+    return {name: value for name, value in fields.items() if value is not None}
 
 
 def listing(out: Output, rows: Sequence[Mapping[str, Any]], shown: Sequence[str], what: str) -> None:

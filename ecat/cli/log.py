@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 def command(out: Output, path: Path, layer: str, author: str | None, last: int | None) -> None:
     """List the edits of a layer, the newest last; `ecat restore` goes back to any of them."""
     with editing(path, layer, author) as editor:
-        start = max(0, editor.revision - last) if last else 0
-        records = editor.history(start, editor.revision - start)
+        start = max(1, editor.revision - last + 1) if last else 1
+        records = editor.history(start, editor.revision)
     rows = [
         [str(r.revision), r.time[:19].replace("T", " "), r.author, r.operation["op"], _rest(r)]
         for r in records

@@ -12,6 +12,7 @@ from ecat.cli.edit import Fields, Moment, edits, path_argument
 from ecat.cli.output import Output
 from ecat.cli.text import columns
 from ecat.cli.verb import Group, verb
+from ecat.errors import UsageError
 
 if TYPE_CHECKING:
     from ecat.model import CodingScheme
@@ -62,7 +63,14 @@ def _text(scheme: CodingScheme) -> str:
     ]
     facts = [[p.name, f"{p.arity} {p.target}" + ("" if p.arity == 1 else "s")] for p in scheme.predicates]
     rules = [[c.kind, c.predicates, str(c.unique_argument or "")] for c in scheme.constraints]
-    parts = (("tiers", tiers), ("event types", types), ("predicates", facts), ("constraints", rules))
+    things = [[kind.name, kind.types, kind.head, kind.concavity] for kind in scheme.object_types]
+    parts = (
+        ("tiers", tiers),
+        ("event types", types),
+        ("object types", things),
+        ("predicates", facts),
+        ("constraints", rules),
+    )
     closed = "nothing else may be said" if scheme.closed else "other types may be used too"
     lines = [f"{scheme.name} {scheme.version}: {closed}"]
     for title, rows in parts:
@@ -95,12 +103,27 @@ def set_(at: Moment, name: str) -> Fields:
 )
 @click.option("--name", help="Its name here; of a VoxML entry the scheme that it is added to.")
 def import_(out: Output, path: Path, source: Path, name: str | None) -> None:
-    """Add a coding scheme to a session, or a VoxML entry to one of its schemes."""
+    """Add a coding scheme to a session or project, or a VoxML entry to one of its schemes."""
     from ecat.annotate import schemes
-    from ecat.store import open_session
+    from ecat.formats.ecat2018.scheme_import import read_any_scheme, with_entry
+    from ecat.model import CodingScheme
 
-    scheme = schemes.import_scheme(open_session(path), source, name)
-    out.result({"scheme": asdict(scheme)}, f"{_text(scheme)}\ntry: ecat scheme set {path} {scheme.name}")
+    found = read_any_scheme(source, name or "")
+    replaces = not isinstance(found, CodingScheme)
+    if replaces:
+        if name is None:
+            raise UsageError(
+                f"cannot import {source.name}",
+                where="a VoxML entry is part of a coding scheme",
+                fix="name the scheme with --name; a new one begins as a copy of ecat-2018",
+            )
+        found = with_entry(schemes.scheme_to_extend(path, name), found, source.stem)
+    dest = schemes.scheme_file(path, found.name)
+    schemes.write_scheme(found, dest, overwrite=replaces)
+    out.result(
+        {"scheme": asdict(found), "file": str(dest)},
+        f"{_text(found)}\ntry: ecat scheme set SESSION {found.name}",
+    )
 
 
 @verb("export", examples=("ecat scheme export my_session blocks blocks.scheme.xml",))

@@ -23,7 +23,7 @@ from ecat.model.annotation import (
     TextPredicate,
     TextReference,
 )
-from ecat.model.scheme import CodingScheme, Constraint, EventType, PredicateType, RoleType, Tier
+from ecat.model.scheme import CodingScheme, Constraint, EventType, ObjectType, PredicateType, RoleType, Tier
 from ecat.model.session import (
     Camera,
     Clock,
@@ -51,6 +51,7 @@ __all__ = [
     "LayerRecord",
     "Link",
     "Manifest",
+    "ObjectType",
     "PredicateType",
     "ProjectManifest",
     "Property",

@@ -19,6 +19,7 @@ element's text; every other field is an attribute.  ``ecat.store.xml`` reads and
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any, Literal
@@ -239,6 +240,16 @@ def with_relation_ids(layer: Layer) -> Layer:
         taken.add(name)
         relations.append(relation if relation.id else replace(relation, id=name))
     return replace(layer, relations=tuple(relations))
+
+
+def without_usual_ids(layer: Layer) -> Layer:
+    """The layer, where no relation has the id that :func:`with_relation_ids` would give it."""
+    ids = Counter(relation.id for relation in layer.relations)
+    relations = tuple(
+        replace(relation, id="") if relation.id == f"r{n}" and ids[relation.id] == 1 else relation
+        for n, relation in enumerate(layer.relations, 1)
+    )
+    return replace(layer, relations=relations)
 
 
 def foreign_value(items: tuple[Foreign, ...], key: str) -> str | None:

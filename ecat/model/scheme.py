@@ -49,6 +49,21 @@ class EventType:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectType:
+    """A kind of object: what an object's ``semantic_type`` may name; a VoxML entry in short.
+
+    ``types`` are VoxML's (``physobj*artifact``), ``head`` and ``concavity`` say what it is shaped like, ``affordances``
+    what can be done with it, one a line.
+    """
+
+    name: str
+    types: str = ""
+    head: str = ""
+    concavity: str = ""
+    affordances: str = field(default="", metadata={"element": True})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PredicateType:
     """A predicate over ``arity`` objects (``target`` = ``object``) or events (``event``)."""
 
@@ -84,6 +99,7 @@ class CodingScheme:
     closed: bool = False
     tiers: tuple[Tier, ...] = _children("tier")
     event_types: tuple[EventType, ...] = _children("event_type")
+    object_types: tuple[ObjectType, ...] = _children("object_type")
     predicates: tuple[PredicateType, ...] = _children("predicate")
     constraints: tuple[Constraint, ...] = _children("constraint")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from dataclasses import fields as fields_of
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.errors import InputError
@@ -22,7 +22,7 @@ from ecat.geometry.transforms import Floats, Rigid
 from ecat.geometry.transforms import known as known_numbers
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
-from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
+from ecat.stages.sightings import BoxSightings, box_sightings, object_prototypes, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import POSES, TableSchema
 
@@ -94,32 +94,42 @@ def estimate_poses(
     of the last row of ``table_plane`` that is not later, the first row's before that.
     """
     parameters = parameters or PoseParameters()
-    faces = read_faces(markers_2d, markers_3d, parameters.camera, face_planes)
-    boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
-    tables = table_frames(table_plane)
-    parts: list[list[BoxPoses]] = []
-    for table, first, end in _stretches(tables, boxes):
-        shown = [_within(box, first, end) for box in boxes]
-        found = [_placed(box, parameters, table) for box in shown]
-        parts.append(_solid(shown, found, parameters, table))
-    whole = [_joined([part[i] for part in parts]) for i in range(len(boxes))]
-    return pose_table(clock, [_filled(clock, box, poses) for box, poses in zip(boxes, whole, strict=True)])
+    markers = (markers_2d, markers_3d)
+    prototypes = object_prototypes(markers, parameters.prototypes, mirrored=parameters.camera.mirrored)
+    seen: set[str] = set()
+    parts: list[pa.Table] = []
+    for table, first, end in _stretches(table_frames(table_plane), clock):
+        flat, solid, planes = (
+            None if rows is None else _within(rows, first, end)
+            for rows in (markers_2d, markers_3d, face_planes)
+        )
+        faces = read_faces(flat, solid, parameters.camera, planes)
+        boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise, prototypes)
+        seen |= {box.object_id for box in boxes}
+        found = _solid(boxes, [_placed(box, parameters, table) for box in boxes], parameters, table)
+        now = _within(clock, first, end)
+        known = {box.object_id: _filled(now, box, poses) for box, poses in zip(boxes, found, strict=True)}
+        parts.append(pose_table(now, [known.get(name) or _unknown(now, name) for name in prototypes]))
+    poses = pa.concat_tables([POSES.arrow.empty_table(), *parts])
+    if len(seen) < len(prototypes):  # of some objects there was not one face that can be one
+        poses = poses.filter(
+            pc.is_in(poses["object_id"].cast(pa.string()), pa.array(sorted(seen), pa.string()))
+        )
+    return poses
 
 
-def _stretches(
-    tables: Sequence[tuple[int, Rigid]], boxes: Sequence[BoxSightings]
-) -> Iterator[tuple[Rigid, int, int]]:
+def _stretches(tables: Sequence[tuple[int, Rigid]], clock: pa.Table) -> Iterator[tuple[Rigid, int, int]]:
     """The frames from first to end, each with its table, in pieces whose equations fit into little memory."""
-    end = max((int(box.frame[-1]) + 1 for box in boxes if len(box.frame)), default=1)
+    end = int(clock["frame"][-1].as_py()) + 1 if clock.num_rows else 0
     starts = [0, *(first for first, _ in tables[1:] if first < end), end]
     for (_, table), start, stop in zip(tables, starts, starts[1:], strict=False):
         for first in range(start, stop, _FRAMES_AT_ONCE):
             yield table, first, min(first + _FRAMES_AT_ONCE, stop)
 
 
-def _within(box: BoxSightings, first: int, end: int) -> BoxSightings:
-    rows = (box.frame >= first) & (box.frame < end)
-    return BoxSightings(box.object_id, box.prototype, box.frame[rows], box.seen[rows])
+def _within(table: pa.Table, first: int, end: int) -> pa.Table:
+    """The rows of the frames from ``first`` up to ``end``."""
+    return table.filter((pc.field("frame") >= first) & (pc.field("frame") < end))
 
 
 def _placed(box: BoxSightings, parameters: PoseParameters, table: Rigid) -> BoxPoses:
@@ -132,21 +142,6 @@ def _placed(box: BoxSightings, parameters: PoseParameters, table: Rigid) -> BoxP
         doubt=parameters.doubt,
         steady=parameters.steady,
     )
-
-
-def _joined(parts: Sequence[BoxPoses]) -> BoxPoses:
-    """One after the other in time."""
-    if len(parts) == 1:
-        return parts[0]
-    columns: dict[str, Any] = {}
-    for item in fields_of(BoxPoses):
-        values = [getattr(part, item.name) for part in parts]
-        if isinstance(values[0], Rigid):
-            turns, places = [v.rotation for v in values], [v.translation for v in values]
-            columns[item.name] = Rigid(np.concatenate(turns), np.concatenate(places))
-        else:
-            columns[item.name] = np.concatenate(values)
-    return BoxPoses(**columns)
 
 
 def _solid(
@@ -200,20 +195,27 @@ def _filled(clock: pa.Table, box: BoxSightings, poses: BoxPoses) -> ObjectPoses:
     values = np.concatenate([poses.pose.translation, poses.pose.quaternion], 1).T
     columns = dict(zip(NUMBERS[:7], values, strict=True))
     columns |= {"residual_px": poses.residual_px, "sigma_m": poses.sigma_m, "sigma_rad": poses.sigma_rad}
-    numbers = {name: np.full(len(frames), np.nan) for name in NUMBERS}
+    filled = _unknown(clock, box.object_id)
     for name, column in columns.items():
-        numbers[name][rows] = column[kept]
+        filled.numbers[name][rows] = column[kept]
     other = np.concatenate([poses.other.translation, poses.other.quaternion], 1)
-    lists = {name: np.full((len(frames), k), np.nan) for name, k in LISTS.items()}
-    lists["covariance"][rows] = poses.covariance[:, UPPER[0], UPPER[1]][kept]
-    lists["alternative"][rows] = other[kept]
-    source, free, n_faces = (
-        np.zeros(len(frames), np.int64),
-        np.zeros(len(frames), bool),
-        np.zeros(len(frames), np.int64),
+    filled.lists["covariance"][rows] = poses.covariance[:, UPPER[0], UPPER[1]][kept]
+    filled.lists["alternative"][rows] = other[kept]
+    filled.source[rows], filled.free[rows], filled.n_faces[rows] = 1, poses.free[kept], poses.n_faces[kept]
+    return filled
+
+
+def _unknown(clock: pa.Table, object_id: str) -> ObjectPoses:
+    """An object of which nothing is seen."""
+    n = clock.num_rows
+    return ObjectPoses(
+        object_id,
+        {name: np.full(n, np.nan) for name in NUMBERS},
+        {name: np.full((n, k), np.nan) for name, k in LISTS.items()},
+        np.zeros(n, np.int64),
+        np.zeros(n, bool),
+        np.zeros(n, np.int64),
     )
-    source[rows], free[rows], n_faces[rows] = 1, poses.free[kept], poses.n_faces[kept]
-    return ObjectPoses(box.object_id, numbers, lists, source, free, n_faces)
 
 
 def pose_table(clock: pa.Table, objects: Sequence[ObjectPoses], schema: TableSchema = POSES) -> pa.Table:

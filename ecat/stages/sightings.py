@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from ecat.model.prototype import BoxPrototype
 PIXELS = tuple(f"{axis}{i}_px" for i in range(4) for axis in "uv")
 PLANE = ("nx", "ny", "nz", "d", "sigma_m")
 POINTS = tuple(f"{axis}{i}" for i in range(4) for axis in "xyz")
+_ORDERS = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -72,14 +74,12 @@ def read_faces(
     """
     flat = _column_block(markers_2d, PIXELS)
     solid = _column_block(markers_3d, POINTS)
-    rows = {key: i for i, key in enumerate(solid.keys)}
-    met = np.array([rows.get(key, -1) for key in flat.keys], dtype=np.int64)
+    met = _met(flat.keys, solid.keys)
     pixels = flat.values.reshape(-1, 4, 2)
     points = np.full((len(pixels), 4, 3), np.nan)
     points[met >= 0] = solid.values[met[met >= 0]].reshape(-1, 4, 3)
     points = np.take_along_axis(points, pair_corners(pixels, points, camera)[..., None], 1)
-    alone = np.setdiff1d(np.arange(len(solid.keys)), met)
-    keys = flat.keys + [solid.keys[i] for i in alone]
+    alone = np.setdiff1d(np.arange(len(solid.code)), met)
     code = flat.code + [solid.code[i] for i in alone]
     pixels = np.concatenate([pixels, np.full((len(alone), 4, 2), np.nan)])
     points = np.concatenate([points, solid.values[alone].reshape(-1, 4, 3)])
@@ -88,53 +88,119 @@ def read_faces(
     start = from_leftmost(ring)[..., None]
     pixels, points = (np.take_along_axis(corners, start, 1)[known] for corners in (pixels, points))
     kept = np.flatnonzero(known)
-    frame = np.array([keys[i][0] for i in kept], dtype=np.int64)
-    planes = _planes(face_planes, [keys[i] for i in kept])
-    return Faces(frame, [keys[i][1] for i in kept], [code[i] for i in kept], pixels, points, planes, kept)
+    keys = _Keys.joined(flat.keys, solid.keys[alone])[kept]
+    planes = _planes(face_planes, keys)
+    return Faces(keys.frame, keys.name, [code[i] for i in kept], pixels, points, planes, kept)
 
 
-def _planes(face_planes: pa.Table | None, keys: Sequence[tuple[int, str, int]]) -> Floats:
+@dataclass(frozen=True)
+class _Keys:
+    """What tells faces (n,) apart: ``frame`` (n,), ``name`` n objects, ``order`` (n,)."""
+
+    frame: NDArray[np.int64]
+    name: list[str]
+    order: NDArray[np.int64]
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> _Keys:
+        return _Keys(self.frame[rows], [self.name[i] for i in rows], self.order[rows])
+
+    @classmethod
+    def of(cls, table: pa.Table) -> _Keys:
+        frame, order = (table[name].to_numpy().astype(np.int64) for name in ("frame", "order"))
+        return cls(frame, strings(table, "object_id"), order)
+
+    @classmethod
+    def none(cls) -> _Keys:
+        return cls(np.empty(0, np.int64), [], np.empty(0, np.int64))
+
+    @classmethod
+    def joined(cls, one: _Keys, other: _Keys) -> _Keys:
+        frame, order = (
+            np.concatenate([getattr(keys, name) for keys in (one, other)]) for name in ("frame", "order")
+        )
+        return cls(frame, one.name + other.name, order)
+
+    def numbers(self, places: Mapping[str, int]) -> NDArray[np.int64]:
+        """One number (n,) for each, by the place of its name."""
+        name = np.array([places[name] for name in self.name], np.int64)
+        return (self.frame * len(places) + name) * _ORDERS + self.order
+
+
+def _met(keys: _Keys, others: _Keys) -> NDArray[np.int64]:
+    """Where among the others each key is (n,), the last where there are several, -1 if it is not."""
+    if not len(others.name):
+        return np.full(len(keys.name), -1)
+    places = {name: i for i, name in enumerate({*keys.name, *others.name})}
+    wanted, there = keys.numbers(places), others.numbers(places)
+    by = np.argsort(there, kind="stable")
+    at = by[np.searchsorted(there, wanted, side="right", sorter=by) - 1]
+    return np.where(there[at] == wanted, at, -1)
+
+
+def _planes(face_planes: pa.Table | None, keys: _Keys) -> Floats:
     """Planes (n, 5) of faces, NaN where depth shows none."""
-    planes = np.full((len(keys), 5), np.nan)
+    planes = np.full((len(keys.name), 5), np.nan)
     if face_planes is None or not face_planes.num_rows:
         return planes
     columns = [face_planes[name].to_numpy(zero_copy_only=False) for name in PLANE]
     values = np.stack([np.asarray(column, float) for column in columns], -1)
-    frame, order = (face_planes[name].to_numpy().tolist() for name in ("frame", "order"))
-    names = _strings(face_planes, "object_id")
-    rows = {key: i for i, key in enumerate(zip(frame, names, order, strict=True))}
-    met = np.array([rows.get(key, -1) for key in keys], np.int64)
+    met = _met(keys, _Keys.of(face_planes))
     planes[met >= 0] = values[met[met >= 0]]
     return planes
 
 
 @dataclass(frozen=True)
 class _Block:
-    keys: list[tuple[int, str, int]]
+    keys: _Keys
     code: list[str]
     values: Floats
 
 
 def _column_block(table: pa.Table | None, names: Sequence[str]) -> _Block:
-    """Rows with a code: (frame, object, order), code, and the named columns (n, len(names)), null as NaN."""
+    """Rows with a code: their keys, codes, and the named columns (n, len(names)), null as NaN."""
     if table is None:
-        return _Block([], [], np.empty((0, len(names))))
+        return _Block(_Keys.none(), [], np.empty((0, len(names))))
     table = table.filter(pc.is_valid(table["code"]))
     columns = [table[name].to_numpy(zero_copy_only=False) for name in names]
     columns = [np.asarray(column, float) for column in columns]
-    frame, order = table["frame"].to_numpy().tolist(), table["order"].to_numpy().tolist()
-    objects, codes = (_strings(table, name) for name in ("object_id", "code"))
-    return _Block(list(zip(frame, objects, order, strict=True)), codes, np.stack(columns, -1))
+    return _Block(_Keys.of(table), strings(table, "code"), np.stack(columns, -1))
 
 
-def _strings(table: pa.Table, name: str) -> list[str]:
-    return [str(value) for value in table[name].to_pylist()]
+def strings(table: pa.Table, name: str) -> list[str]:
+    """A column as strings, equal ones being the same object: of an hour's markers there are half a million."""
+    column = table[name].cast(pa.string()).combine_chunks().dictionary_encode()
+    words = [*map(str, column.dictionary.to_pylist()), str(None)]
+    return [words[i] for i in column.indices.fill_null(-1).to_numpy().tolist()]
+
+
+def object_prototypes(
+    markers: Sequence[pa.Table | None], prototypes: Sequence[BoxPrototype], *, mirrored: bool
+) -> dict[str, int]:
+    """The prototype of each object, by its index: the one that most of its codes belong to; sorted by object."""
+    votes: Counter[tuple[str, str]] = Counter()
+    for table in markers:
+        if table is not None:
+            words = pa.table({name: table[name].cast(pa.string()) for name in ("object_id", "code")})
+            counted = words.group_by(words.column_names).aggregate([([], "count_all")])
+            pairs = zip(strings(counted, "object_id"), strings(counted, "code"), strict=True)
+            votes.update(dict(zip(pairs, counted["count_all"].to_pylist(), strict=True)))
+    known = match_codes([code for _, code in votes], prototypes, mirrored=mirrored)
+    boxes: dict[str, Counter[int]] = {}
+    for (name, code), n in sorted(votes.items()):
+        if code in known:
+            boxes.setdefault(name, Counter())[known[code][0]] += n
+    return {name: vote.most_common(1)[0][0] for name, vote in sorted(boxes.items())}
 
 
 def box_sightings(
-    faces: Faces, prototypes: Sequence[BoxPrototype], camera: Camera, noise: Noise
+    faces: Faces,
+    prototypes: Sequence[BoxPrototype],
+    camera: Camera,
+    noise: Noise,
+    objects: Mapping[str, int] | None = None,
 ) -> list[BoxSightings]:
-    """The faces sorted by object; an object is the prototype that most of its codes belong to.
+    """The faces sorted by object; an object is the prototype (by its index) that ``objects`` says, or else the one that
+    most of its codes belong to.
 
     A face seen twice in a frame counts once, the first (largest) one.  Objects without a known code are left
     out.
@@ -142,14 +208,16 @@ def box_sightings(
     known = match_codes(faces.code, prototypes, mirrored=camera.mirrored)
     orders = np.stack([corner_order(k, mirrored=camera.mirrored) for k in range(4)])
     found: list[BoxSightings] = []
-    objects = np.array(faces.object_id, dtype=object)
+    names = np.array(faces.object_id, dtype=object)
     match = np.array([known.get(code, (-1, -1, 0)) for code in faces.code], dtype=np.int64).reshape(-1, 3)
     for object_id in sorted(set(faces.object_id)):
-        mine = (objects == object_id) & (match[:, 0] >= 0)
+        mine = (names == object_id) & (match[:, 0] >= 0)
         if not mine.any():
             continue
-        prototype = int(np.bincount(match[mine, 0]).argmax())
+        prototype = int(np.bincount(match[mine, 0]).argmax()) if objects is None else objects[object_id]
         rows = np.flatnonzero(mine & (match[:, 0] == prototype))[::-1]
+        if not len(rows):
+            continue
         frame, place = np.unique(faces.frame[rows], return_inverse=True)
         shape = (len(frame), len(prototypes[prototype].faces), 4)
         pixels, points = np.full((*shape, 2), np.nan), np.full((*shape, 3), np.nan)

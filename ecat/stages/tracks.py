@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,11 +10,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ecat.geometry.boxes import match_codes
 from ecat.geometry.moves import Move
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype
 from ecat.stages.pose import table_frames
+from ecat.stages.sightings import object_prototypes, strings
 from ecat.stages.stage import Tables
 
 JOINT_SIGMA_M = {"tracked": 0.01, "inferred": 0.03}
@@ -94,16 +93,8 @@ def object_boxes(
     markers: Sequence[pa.Table | None], prototypes: Sequence[BoxPrototype], *, mirrored: bool
 ) -> dict[str, BoxPrototype]:
     """The prototype of each object: the one that most of its codes belong to."""
-    votes: Counter[tuple[str, str]] = Counter()
-    for table in markers:
-        if table is not None:
-            votes.update(zip(*_words(table, "object_id", "code"), strict=True))
-    known = match_codes([code for _, code in votes], prototypes, mirrored=mirrored)
-    boxes: dict[str, Counter[int]] = {}
-    for (name, code), n in votes.items():
-        if code in known:
-            boxes.setdefault(name, Counter())[known[code][0]] += n
-    return {name: prototypes[vote.most_common(1)[0][0]] for name, vote in sorted(boxes.items())}
+    found = object_prototypes(markers, prototypes, mirrored=mirrored)
+    return {name: prototypes[index] for name, index in found.items()}
 
 
 def timeline(clock: pa.Table) -> Timeline:
@@ -116,11 +107,13 @@ def timeline(clock: pa.Table) -> Timeline:
 
 def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeline) -> list[Track]:
     """A track for each object of a table of poses whose prototype is known, by object id."""
-    names = np.array(poses["object_id"].cast(pa.string()).to_pylist(), object)
+    names = np.array(strings(poses, "object_id"), object)
     rows = np.searchsorted(line.frame, poses["frame"].to_numpy())
     values = np.stack([np.asarray(poses[n].to_numpy(zero_copy_only=False), float) for n in _NUMBERS], -1)
-    observed = np.array([source == "observed" for source in poses["source"].to_pylist()], bool)
-    free = np.array([support == "free" for support in poses["support"].to_pylist()], bool)
+    observed, free = (
+        np.array(strings(poses, name), object) == word
+        for name, word in (("source", "observed"), ("support", "free"))
+    )
     found: list[Track] = []
     for name in sorted(set(names.tolist()) & set(boxes)):
         mine = names == name
@@ -157,10 +150,12 @@ def read_hands(
         "object_id",
         pc.coalesce(kept["object_id"].cast(pa.string()), bodies),
     )
-    owner = np.array([f"{a}/{b}" for a, b in zip(*_words(kept, "object_id", "joint"), strict=True)], object)
+    owner = np.array(
+        [f"{a}/{b}" for a, b in zip(strings(kept, "object_id"), strings(kept, "joint"), strict=True)], object
+    )
     frame = np.asarray(kept["frame"].to_numpy(), np.int64)
     points = np.stack([np.asarray(kept[axis].to_numpy(zero_copy_only=False), float) for axis in "xyz"], -1)
-    sigma = np.array([JOINT_SIGMA_M.get(state, np.nan) for state in _words(kept, "state")[0]], float)
+    sigma = np.array([JOINT_SIGMA_M.get(state, np.nan) for state in strings(kept, "state")], float)
     points = _on_table(np.where(np.isnan(sigma)[:, None], np.nan, points), frame, table_plane)
     found: list[HandTrack] = []
     for name in sorted(set(owner.tolist())):
@@ -182,7 +177,3 @@ def _on_table(points: Floats, frame: NDArray[np.int64], table_plane: pa.Table) -
     for number, (_, camera_from_table) in enumerate(planes):
         there[which == number] = camera_from_table.inverse().apply(points[which == number])
     return there
-
-
-def _words(table: pa.Table, *names: str) -> list[list[str]]:
-    return [[str(value) for value in table[name].to_pylist()] for name in names]

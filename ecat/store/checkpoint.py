@@ -10,17 +10,20 @@ from ecat.model.document import Document
 from ecat.store.commit import Commit
 from ecat.store.journal import Journal, Place
 from ecat.store.lock import locked
+from ecat.store.manifest import journal_file
 from ecat.store.snapshot import Snapshot
 from ecat.store.transaction import NewFiles, new_id, roll_forward
 
 
 def behind(snapshot: Snapshot) -> list[LayerRecord]:
     """The layers whose journal goes on behind what their XML contains; looks at the sizes of files only."""
-    return [
-        record
-        for record in snapshot.manifest.layers
-        if Journal(snapshot.path, record.name).size() > record.journal_bytes
-    ]
+
+    def size(record: LayerRecord) -> int:
+        with contextlib.suppress(OSError):
+            return (snapshot.path / journal_file(record.name)).stat().st_size
+        return 0
+
+    return [record for record in snapshot.manifest.layers if size(record) > record.journal_bytes]
 
 
 def catch_up(snapshot: Snapshot) -> Snapshot:

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ecat.errors import EcatError, LockedError
-from ecat.model import LayerRecord, Stream, TableRecord
+from ecat.model import Layer, LayerRecord, Stream, TableRecord
+from ecat.model.document import Document
 from ecat.store import files
+from ecat.store.checkpoint import current
+from ecat.store.journal import START, Journal, Place
 from ecat.store.lock import locked
-from ecat.store.manifest import layer_file
+from ecat.store.manifest import journal_file, layer_file
 from ecat.store.session import Session
-from ecat.store.transaction import noted_files, settle
+from ecat.store.transaction import new_id, noted_files, settle
 from ecat.store.xml import MAX_BYTES as MAX_LAYER_BYTES
 from ecat.store.xml import layer_from_xml
 from ecat.tables import PUBLISHED
@@ -69,6 +72,12 @@ def _layer_faults(session: Session, record: LayerRecord) -> Iterator[Fault]:
         session.layer(record.name)
     except EcatError as error:
         yield _fault(record.file, error)
+        return
+    journal = journal_file(record.name)
+    try:
+        current(session.snapshot, record)
+    except EcatError as error:
+        yield _fault(journal, error)
 
 
 def _stream_faults(session: Session, stream: Stream, *, deep: bool) -> Iterator[Fault]:
@@ -96,19 +105,48 @@ def adopt_edited_layers(session: Session) -> list[str]:
     ------
     FormatError, SchemaError : an edited file is not a layer any more; nothing was changed.
     """
-    edited = {}
+    edited: dict[str, tuple[Layer, Place]] = {}
     for record in session.manifest.layers:
         path = files.confined(session.path, layer_file(record.name))
         with files.typed_errors(f"cannot read layer {record.name}", path, "nothing was changed"):
             if files.sha256_of(path) != record.sha256:
-                edited[record.name] = layer_from_xml(
-                    files.read_bytes(path, MAX_LAYER_BYTES), name=record.name
-                )
+                layer = layer_from_xml(files.read_bytes(path, MAX_LAYER_BYTES), name=record.name)
+                edited[record.name] = _continued(session, record, layer)
     if edited:
         with session.write() as commit:
-            for layer in edited.values():
-                commit.put_layer(layer)
+            for layer, place in edited.values():
+                commit.put_layer(layer, contains=place)
     return list(edited)
+
+
+def _continued(session: Session, record: LayerRecord, layer: Layer) -> tuple[Layer, Place]:
+    """An edited layer with what its journal says that the XML did not contain yet, and the place that this is."""
+    journal = Journal(session.path, record.name)
+    place = Place(record.journal_revision, record.journal_bytes)
+    if journal.size() <= place.offset:
+        return layer, place
+    document = Document(layer)
+    for step, behind in journal.records(place):
+        journal.apply(document, step)
+        place = behind
+    return document.layer(), place
+
+
+def begin_journal(session: Session, name: str) -> None:
+    """Let a layer begin a new journal, and set the old one, which does not fit it, aside.
+
+    Raises
+    ------
+    NotFoundError : there is no such layer.
+    """
+    layer = session.layer(name)
+    path = Journal(session.path, name).path
+    with files.typed_errors(f"cannot begin a new journal of layer {name}", path, "nothing was changed"):
+        if path.exists():
+            files.rename(path, path.with_name(f"{name}.journal.{new_id()}.old"))
+            files.sync(path.parent)
+    with session.refresh().write() as commit:
+        commit.put_checkpoint(layer, START)
 
 
 def leftovers(path: Path) -> list[Path]:

@@ -25,7 +25,7 @@ from ecat.model.record import Record
 from ecat.store import files
 from ecat.store.lines import append_at, encoded, whole_lines
 from ecat.store.lock import exclusive
-from ecat.store.manifest import is_file_name
+from ecat.store.manifest import is_file_name, journal_file
 
 _ADVICE = "ecat check names what is wrong, ecat check --repair begins a new journal"
 
@@ -57,7 +57,7 @@ class Journal:
             )
         self.layer = layer
         self.folder = folder
-        self.path = files.confined(folder, f"annotations/{layer}.journal.jsonl")
+        self.path = files.confined(folder, journal_file(layer))
 
     def size(self) -> int:
         """Bytes of the file; 0 if there is none."""

@@ -59,6 +59,11 @@ def layer_file(name: str) -> str:
     return f"annotations/{name}.xml"
 
 
+def journal_file(name: str) -> str:
+    """Where the journal of the layer called ``name`` is, inside the session's folder."""
+    return f"annotations/{name}.journal.jsonl"
+
+
 def read_manifest_bytes(folder: Path, file: str = SESSION_FILE) -> bytes:
     """The bytes of a manifest.
 

@@ -22,7 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ecat.errors import FormatError, LimitError, SchemaError
 from ecat.model import CodingScheme, Layer
-from ecat.model.annotation import with_relation_ids
+from ecat.model.annotation import with_relation_ids, without_usual_ids
 
 MAX_BYTES = 64 << 20
 """Every byte of XML can take more than sixty bytes of memory."""
@@ -33,14 +33,14 @@ _HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
 def layer_to_xml(layer: Layer) -> bytes:
-    """The layer as UTF-8 XML with a final line feed.
+    """The layer as UTF-8 XML with a final line feed; relations say their id where it does not follow from their place.
 
     Raises
     ------
     SchemaError : a text cannot be in XML (control characters), or is too long; ``problems`` names each.
     LimitError : the document would be too large to be read again.
     """
-    return _document("annotation", layer)
+    return _document("annotation", without_usual_ids(layer))
 
 
 def layer_from_xml(data: bytes, *, name: str) -> Layer:

@@ -12,6 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic_core import to_json
 
 from ecat.errors import (
+    ConflictError,
     CorruptError,
     EcatError,
     ExistsError,
@@ -31,6 +32,7 @@ GZIP_FROM_BYTES = 1 << 16
 _STATUS: tuple[tuple[type[EcatError], int], ...] = (
     (NotFoundError, 404),
     (StaleError, 409),
+    (ConflictError, 409),
     (ExistsError, 409),
     (LockedError, 409),
     (ReadOnlyError, 403),

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from ecat.web import answers
-from ecat.web.routes import live, media, page, rows, second_look, sessions
+from ecat.web.routes import layers, live, media, page, rows, second_look, sessions
 from ecat.web.security import App, Guard
 from ecat.web.shapes import Refusal
 from ecat.web.site import Site
@@ -48,8 +48,8 @@ def application(site: Site | None = None) -> FastAPI:
     )
     app.state.site = site
     answers.install(app)
-    for router in (sessions.router, media.router, rows.router, second_look.router, live.router):
-        app.include_router(router)
+    for part in (sessions, layers, media, rows, second_look, live):
+        app.include_router(part.router)
     page.mount(app)
     return app
 

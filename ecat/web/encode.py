@@ -1,7 +1,7 @@
 """Proxies: a stream as a video in which every browser finds image k at once.
 
-Image k of the proxy is image k of the stream, whatever the times are: the rate is constant, and seeking to the middle of
-an image, ``(k + 0.5) / rate``, is exact.
+Image k of the proxy is image k of the stream, whatever the times are: the rate is constant, and seeking to the
+middle of an image, ``(k + 0.5) / rate``, is exact.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from av import VideoFrame, VideoStream
 
 RATE_HZ = 30
-GOP = 15
+GOP = 8
 """Images from one key frame to the next: what a browser has to decode at most for one image."""
 MOST_WIDTH_PX = 1920
 CRF = 20
@@ -132,8 +132,9 @@ def _fitted(frame: VideoFrame, width: int, height: int, k: int) -> VideoFrame:
 def direct_rate(session: Session, stream_name: str, count: int) -> float | None:
     """The rate of a recorded file that serves as its own proxy; None if it does not.
 
-    It does if it is an MP4 of H.264 in 4:2:0 that browsers play, without B-frames, at a constant rate from time zero, with
-    key frames so near to each other that seeking is quick, as many images as the stream, unturned and not stretched.
+    It does if it is an MP4 of H.264 in 4:2:0 that browsers play, without B-frames, at a constant rate from time zero,
+    with key frames so near to each other that seeking is quick, as many images as the stream, unturned and not
+    stretched.
     """
     stream, path = session.stream(stream_name), session.stream_path(stream_name)
     if path.suffix.lower() not in {".mp4", ".m4v"} or stream.kind in DEPTH_KINDS or not count:
@@ -146,20 +147,20 @@ def direct_rate(session: Session, stream_name: str, count: int) -> float | None:
         if len(entries) != count or count < 2 or video.time_base is None:
             return None
         times = np.array([entry.timestamp for entry in entries], np.float64) * float(video.time_base)
-        keys = np.flatnonzero([entry.is_keyframe for entry in entries])
+        keys = [k for k, entry in enumerate(entries) if entry.is_keyframe]
     step = (times[-1] - times[0]) / (count - 1)
-    gaps = np.diff([*keys, count])
+    gaps = np.diff(np.array([*keys, count]))
     first = next(decoded(path, f"cannot read stream {stream_name}"), None)
     if first is None or first.rotation:
         return None
     constant = step > 0 and np.abs(times - step * np.arange(count)).max() < 0.1 * step
-    if not constant or not len(keys) or keys[0] != 0 or gaps.max() > _most_gop(video.width):
+    if not constant or not keys or keys[0] != 0 or gaps.max() > _most_gop(video.width):
         return None
     return float(1 / step)
 
 
 def _most_gop(width_px: int) -> int:
-    return 30 if width_px <= 1280 else GOP
+    return 30 if width_px <= 1280 else 2 * GOP
 
 
 def _plain(video: VideoStream) -> bool:
@@ -169,6 +170,6 @@ def _plain(video: VideoStream) -> bool:
         context.pix_fmt in {"yuv420p", "yuvj420p"}
         and not context.has_b_frames
         and context.width <= MOST_WIDTH_PX
-        and (ratio is None or ratio == 1 or ratio == 0)
+        and (ratio is None or ratio in {0, 1})
         and video.start_time in {0, None}
     )

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ecat.errors import EcatError, NotFoundError
-from ecat.store import Session, find_sessions, open_project, open_session
+from ecat.store import Session, files, find_sessions, open_project, open_session
 from ecat.store.manifest import PROJECT_FILE, SESSION_FILE
+from ecat.store.snapshot import Snapshot
+from ecat.store.transaction import settle
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _SLUG = 48
@@ -82,7 +84,7 @@ class Library:
             return open_session(path)  # says what is wrong
         read = self._read.get(path)
         if read is None or read.state != state:
-            read = self._read[path] = _Read(state, open_session(path))
+            read = self._read[path] = _Read(state, open_session(path) if read is None else _read_again(path))
         return read.session
 
     def describe(self) -> dict[str, Any]:
@@ -119,6 +121,13 @@ class Library:
             "n_objects": rows.get("objects", 0),
             "created": manifest.created,
         }
+
+
+def _read_again(path: Path) -> Session:
+    """The session as it is on disk; what is being edited meanwhile is saved by its editor, not by whoever looks."""
+    with files.typed_errors(f"cannot open session {path.name}", path):
+        settle(path)
+    return Session(Snapshot.read(path))
 
 
 def _id_of(path: Path, root: Path) -> str:

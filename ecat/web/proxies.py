@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from ecat.errors import EcatError, NotFoundError
-from ecat.store import Session
-from ecat.store import files
+from ecat.store import Session, files
 from ecat.web import encode
 from ecat.web.exact import DEPTH_KINDS, IMAGE_KINDS
 from ecat.web.times import count_images

@@ -44,7 +44,7 @@ def boxes_of(session: Session) -> dict[str, BoxPrototype]:
 def _counted(session: Session, table: str, *columns: str) -> list[dict[str, Any]]:
     """How often each combination of values occurs in these columns, as ``n``."""
     rows = session.table(table, columns=columns).to_arrow()
-    plain = pa.table({name: rows[name].cast(pa.string()) for name in columns})
+    plain = pa.Table.from_arrays([rows[name].cast(pa.string()) for name in columns], names=list(columns))
     counted: list[dict[str, Any]] = plain.group_by(list(columns)).aggregate([([], "count_all")]).to_pylist()
     return [{"n": row.pop("count_all"), **row} for row in counted]
 

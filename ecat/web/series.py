@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import pyarrow.compute as pc
 
 from ecat.errors import NotFoundError
 from ecat.geometry.transforms import Floats
@@ -150,6 +149,6 @@ def _object_names(session: Session) -> Callable[[str], str]:
         if session.has_table("objects")
         else None
     )
-    named = rows.filter(pc.not_equal(rows["name"], "")).to_pylist() if rows is not None else []
-    names = {row["object_id"]: row["name"] for row in reversed(named)}
+    named = rows.to_pylist() if rows is not None else []
+    names = {row["object_id"]: row["name"] for row in reversed(named) if row["name"]}
     return lambda object_id: names.get(object_id, object_id)

@@ -41,7 +41,13 @@ class Server:
     """
 
     def __init__(
-        self, path: Path, *, host: str = "127.0.0.1", port: int | None = None, author: str = "", layer: str = "main"
+        self,
+        path: Path,
+        *,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        author: str = "",
+        layer: str = "main",
     ) -> None:
         self._socket = _bound(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
@@ -108,7 +114,7 @@ class Server:
 
 def is_loopback(host: str) -> bool:
     """Whether only this machine reaches what listens on ``host``."""
-    return host == "localhost" or host == "::1" or host.startswith("127.")
+    return host in {"localhost", "::1"} or host.startswith("127.")
 
 
 def _bound(host: str, port: int | None) -> socket.socket:
@@ -137,5 +143,3 @@ def _listening(host: str, port: int) -> socket.socket:
         made.close()
         raise
     return made
-
-

@@ -5,17 +5,23 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
+from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import Depends
 from fastapi.requests import HTTPConnection
 
-from ecat.errors import EcatError
-from ecat.store import Session
+from ecat.annotate import find_scheme, scheme_names
+from ecat.errors import EcatError, NotFoundError
+from ecat.model.scheme import BUILT_IN_SCHEMES
+from ecat.process.proposals import LAYER as MACHINE
+from ecat.store import Session, open_session
 from ecat.store.media import annotated_stream
 from ecat.web import proxies, scene
 from ecat.web.exact import IMAGE_KINDS, ExactImages
+from ecat.web.layers import SharedLayer
 from ecat.web.library import Library
 from ecat.web.live import Hub
 from ecat.web.proxies import Proxies, Proxy
@@ -24,6 +30,9 @@ from ecat.web.series import Curves
 from ecat.web.times import count_images, image_times_s, median_rate_hz
 
 POLL_S = 1.0
+"""How soon what another process does to a layer is seen."""
+USUAL_SCHEME = "blocks"
+_NOTHING = {"n_objects": 0, "n_events": 0, "n_relations": 0}
 
 
 class OpenSession:
@@ -33,6 +42,8 @@ class OpenSession:
         self.sid = sid
         self.site = site
         self.hub = Hub()
+        self._layers: dict[str, SharedLayer] = {}
+        self._opening = asyncio.Lock()
         self._curves: tuple[str, Curves] | None = None
         self._facts: tuple[str, dict[str, Any]] | None = None
         self._computing = threading.Lock()
@@ -42,9 +53,79 @@ class OpenSession:
         """As it is on disk now."""
         return self.site.library.session(self.sid)
 
+    async def layer(self, name: str, *, make: bool = False) -> SharedLayer:
+        """The layer of this name, opened for editing.
+
+        Raises
+        ------
+        NotFoundError : there is none, and it is not to be made.
+        """
+        shared = self._layers.get(name)
+        if shared is not None:
+            return shared
+        async with self._opening:
+            if name not in self._layers:
+                self._layers[name] = await asyncio.to_thread(self._open_layer, name, make=make)
+        return self._layers[name]
+
+    def _open_layer(self, name: str, *, make: bool) -> SharedLayer:
+        session = self.session
+        if session.manifest.layer(name) is None and not make:
+            known = ", ".join(record.name for record in session.manifest.layers) or "none"
+            raise NotFoundError(
+                f"cannot find layer {name[:80]}",
+                where=f"{session.name}: the layers are: {known}",
+                fix="make it first",
+            )
+        # an editor moves its session on as it saves
+        return SharedLayer(open_session(session.path), name, self.hub, self.site.author)
+
+    @property
+    def layers(self) -> dict[str, SharedLayer]:
+        """The layers that were opened, by name."""
+        return dict(self._layers)
+
     def revisions(self) -> dict[str, int]:
-        """The revision of every layer that is being edited."""
-        return {}
+        """The revision of every layer that was opened."""
+        return {name: layer.revision for name, layer in self._layers.items()}
+
+    def describe_layers(self) -> list[dict[str, Any]]:
+        """Every layer: as it is now if it was opened, else as it was last saved."""
+        manifest, counted = self.session.manifest, self.facts()["layers"]
+        found: list[dict[str, Any]] = []
+        for record in manifest.layers:
+            shared = self._layers.get(record.name)
+            revision = record.journal_revision if shared is None else shared.revision
+            counts = counted.get(record.name, _NOTHING) if shared is None else shared.counts()
+            found.append({"name": record.name, "revision": revision, **counts})
+        return found
+
+    async def first_layer(self, name: str | None) -> SharedLayer | None:
+        """The layer called ``name``, else the one to begin with, else the first that is not the machine's; None if none
+        of them is there.
+        """
+        there = [record.name for record in self.session.manifest.layers]
+        people = [other for other in there if other != MACHINE]
+        chosen = next((n for n in (name, self.site.layer, *people[:1]) if n is not None and n in there), None)
+        return None if chosen is None else await self.layer(chosen)
+
+    def describe_scheme(self, layer: SharedLayer | None) -> dict[str, Any]:
+        """The coding scheme of a layer; where it names none, the project's first, else the one for blocks."""
+        session = self.session
+        own = [name for name in scheme_names(session) if name not in BUILT_IN_SCHEMES]
+        found = None if layer is None else layer.scheme
+        return asdict(found or find_scheme(session, own[0] if own else USUAL_SCHEME))
+
+    async def look(self) -> None:
+        """Look whether another process has written to a layer."""
+        for layer in self.layers.values():
+            await layer.look()
+
+    async def close(self) -> None:
+        """Save every layer, and end every connection."""
+        for layer in self.layers.values():
+            await layer.close()
+        self.hub.close()
 
     def curves(self) -> Curves:
         """Its curves over time."""
@@ -98,12 +179,28 @@ def _facts(session: Session) -> dict[str, Any]:
             rate = median_rate_hz(image_times_s(session, video))
     return {
         "frame_rate_median": rate,
+        "layers": _counted(session),
         "images": {stream.name: count_images(session, stream) for stream in session.manifest.streams},
         "cameras": [scene.describe_camera(camera) for camera in session.manifest.cameras],
         "bodies": scene.describe_bodies(session),
         "boxes": scene.describe_boxes(session),
         "plane": scene.describe_plane(session),
     }
+
+
+def _counted(session: Session) -> dict[str, dict[str, int]]:
+    """How many objects, events and relations each layer has in the published tables."""
+    found: dict[str, dict[str, int]] = {}
+    for name in ("objects", "events", "relations"):
+        if not session.has_table(name):
+            continue
+        columns = ["layer"] if name != "relations" else ["layer", "relation"]
+        rows = session.table(name, columns=columns).to_arrow()
+        # a relation that is interrupted has several rows
+        layers = rows["layer"] if name != "relations" else rows.group_by(columns).aggregate([])["layer"]
+        for layer, n in Counter(layers.to_pylist()).items():
+            found.setdefault(layer, dict(_NOTHING))[f"n_{name}"] = n
+    return found
 
 
 class Site:
@@ -123,7 +220,7 @@ class Site:
         self.exact = ExactImages()
         self.proxies = Proxies()
         self._open: dict[str, OpenSession] = {}
-        self._tasks: list[asyncio.Task[None]] = []
+        self._looking: asyncio.Task[None] | None = None
 
     def opened(self, sid: str) -> OpenSession:
         """The session with this id.
@@ -144,13 +241,22 @@ class Site:
                 loop.call_soon_threadsafe(self._proxy_changed, key, proxy)
 
         self.proxies.changed = changed
+        self._looking = asyncio.create_task(self._look())
 
     async def stop(self) -> None:
         """Save what was edited, and end what is under way."""
+        if self._looking is not None:
+            self._looking.cancel()
         for opened in self._open.values():
-            opened.hub.close()
+            await opened.close()
         await asyncio.to_thread(self.proxies.close)
         self.exact.close()
+
+    async def _look(self) -> None:
+        while True:
+            await asyncio.sleep(POLL_S)
+            for opened in list(self._open.values()):
+                await opened.look()
 
     def _proxy_changed(self, key: str, proxy: Proxy) -> None:
         for opened in self._open.values():
@@ -169,5 +275,10 @@ async def _site_of(connection: HTTPConnection) -> Site:
     return _site(connection)
 
 
+async def _layer(sid: str, layer: str, connection: HTTPConnection) -> SharedLayer:
+    return await _site(connection).opened(sid).layer(layer)
+
+
 TheSite = Annotated[Site, Depends(_site_of)]
 TheSession = Annotated[OpenSession, Depends(_opened)]
+TheLayer = Annotated[SharedLayer, Depends(_layer)]

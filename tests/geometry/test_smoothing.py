@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecat.geometry.smoothing import Smoothness
+from ecat.geometry.smoothing import Smoothness, random_share
 from ecat.geometry.smoothing import smooth_track as smooth_with_covariance
 from ecat.geometry.transforms import Floats
 
@@ -138,3 +138,35 @@ def test_stated_covariances_are_those_of_the_linear_problem() -> None:
         full[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += np.linalg.inv(one)
     blocks = np.linalg.inv(full).reshape(12, 3, 12, 3)
     np.testing.assert_allclose(covariance, blocks[np.arange(12), :, np.arange(12)], rtol=1e-5)
+
+
+def test_what_speeds_up_while_it_is_hidden_is_found_half_way() -> None:
+    """A hand accelerates and brakes evenly; hidden for a fifth of a second, it did not turn at one instant."""
+    hand = 0.3 * np.sin(2 * np.pi * 0.7 * T)[:, None] * np.array([[1.0, 0.5]])
+    for first in range(40, 160, 7):
+        seen = noisy(hand)
+        seen[first : first + 6] = np.nan
+        found, sigma = smooth_track(T, seen, SIGMA, HAND)
+        off = np.linalg.norm(found - hand, axis=1)[first : first + 6]
+        assert off.max() < 0.008
+        assert off.max() < 4 * sigma[first + 3]
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(0.0, 1.0), (0.5, 3.0), (0.7, 5.7)])
+def test_errors_that_last_for_some_frames_average_out_slowly(correlation: float, expected: float) -> None:
+    """Noise of one hundredth of the stated variance, and what white noise does as much harm as it."""
+    rng = np.random.default_rng(2)
+    values = rng.normal(0, 1, (3000, 2))
+    for i in range(1, len(values)):
+        values[i] = correlation * values[i - 1] + np.sqrt(1 - correlation**2) * values[i]
+    stated = np.broadcast_to(100 * np.eye(2), (3000, 2, 2))
+    share = random_share(values, stated, np.zeros(3000, np.int64))
+    assert share == pytest.approx(0.01 * expected, rel=0.3)
+
+
+def test_without_a_rest_neighbours_tell_the_noise() -> None:
+    values = np.random.default_rng(2).normal(0, 1, (300, 2)) + np.arange(300)[:, None]
+    stated = np.broadcast_to(100 * np.eye(2), (300, 2, 2))
+    share = random_share(values, stated, np.full(300, -1))
+    assert share == pytest.approx(0.01, rel=0.5)
+    assert random_share(values[:5], stated[:5], np.full(5, -1)) == 1

@@ -1,4 +1,4 @@
-"""Places of a camera, told from how much its images differ."""
+"""Places of a camera, told from how much its images differ, and what ties them together."""
 
 from __future__ import annotations
 
@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from ecat.geometry.depth import RangeNoise
-from ecat.geometry.standpoints import MOVED, changes, standpoints, thinned
-from ecat.geometry.transforms import Floats
+from ecat.geometry.standpoints import (
+    MOVED,
+    changes,
+    common_motion,
+    outline_motion,
+    standpoints,
+    thinned,
+)
+from ecat.geometry.transforms import Floats, Rigid, matrix_about_z
 
 NOISE = RangeNoise()
 
@@ -62,3 +69,50 @@ def test_thinned_pixels_are_of_the_mask_and_not_too_many() -> None:
     pixels = thinned(mask)
     assert mask.ravel()[pixels].all()
     assert 1000 < len(pixels) < 2500
+
+
+SQUARE: Floats = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+BOXES: Floats = np.array([[0.0, 0.0], [0.4, 0.1], [-0.2, 0.3]])[:, None] + 0.076 * SQUARE
+MOTION = Rigid(matrix_about_z(np.array([0.4]))[0], np.array([0.3, -0.1, 0.0]))
+
+
+def laid(motion: Rigid, points: Floats) -> Floats:
+    return points @ motion.rotation[:2, :2].T + motion.translation[:2]
+
+
+def test_boxes_that_stood_still_tell_how_the_camera_moved() -> None:
+    found = common_motion(laid(MOTION, BOXES), BOXES)
+    assert found is not None
+    np.testing.assert_allclose(found.rotation, MOTION.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.translation, MOTION.translation, atol=1e-12)
+
+
+def test_a_box_that_was_moved_meanwhile_does_not_count() -> None:
+    after = BOXES.copy()
+    after[1] += 0.1
+    found = common_motion(laid(MOTION, BOXES), after)
+    assert found is not None
+    np.testing.assert_allclose(found.translation, MOTION.translation, atol=1e-12)
+
+
+def test_two_boxes_that_contradict_each_other_tell_nothing() -> None:
+    after = BOXES[:2].copy()
+    after[1] += 0.1
+    assert common_motion(laid(MOTION, BOXES[:2]), after) is None
+
+
+def test_a_single_box_is_believed_and_none_tells_nothing() -> None:
+    assert common_motion(laid(MOTION, BOXES[:1]), BOXES[:1]) is not None
+    assert common_motion(BOXES[:0], BOXES[:0]) is None
+
+
+def test_the_outline_of_a_table_tells_how_the_camera_moved() -> None:
+    ring = np.array([[0.8, 0.5], [-0.8, 0.5], [-0.9, -0.5], [0.8, -0.5]])
+    found = outline_motion(laid(MOTION, ring), np.roll(ring, 1, 0))
+    assert found is not None
+    np.testing.assert_allclose(laid(found, ring), laid(MOTION, ring), atol=1e-3)
+
+
+def test_outlines_of_two_tables_do_not_fit() -> None:
+    ring = np.array([[0.8, 0.5], [-0.8, 0.5], [-0.8, -0.5], [0.8, -0.5]])
+    assert outline_motion(ring, 0.9 * ring) is None

@@ -286,3 +286,36 @@ def test_sessions_without_times_are_told_in_frames() -> None:
         clock, poses(APART), plane(), markers_2d=marks(), parameters=parameters
     ).to_pylist()[0]
     assert (action["start_frame"], action["start_ns"], action["end_ns"]) == (61, None, None)
+
+
+def moved_camera(frame: int, tie: str | None) -> pa.Table:
+    """The plane of a camera that was moved before a frame."""
+    return pa.Table.from_pylist(
+        [row | {"frame": f, "tie": tie} for f in (0, frame) for row in plane().to_pylist()]
+    )
+
+
+def test_nothing_goes_on_where_the_camera_was_moved_and_nothing_ties() -> None:
+    """At frame 80 the box is on its way; from 150 on everything stands."""
+    boxes = tuple(BOXES.values())
+    for frame, tie, ends, slides in ((80, None, 80, 0), (80, "boxes", N, 1), (150, None, 150, 1)):
+        moved = moved_camera(frame, tie)
+        found = propose_relations(
+            CLOCK,
+            poses(APART),
+            moved,
+            markers_2d=marks(),
+            parameters=RelationParameters(prototypes=boxes, surface="o5", camera=CAMERA),
+        )
+        first = [
+            r["end_frame"] for r in found.to_pylist() if r["predicate"] == "ON" and r["start_frame"] == 0
+        ]
+        assert first == [ends, ends]
+        acted = propose_events(
+            CLOCK,
+            poses(APART),
+            moved,
+            markers_2d=marks(),
+            parameters=ProposeParameters(prototypes=boxes, camera=CAMERA),
+        )
+        assert sum(row["parent"] is None for row in acted.to_pylist()) == slides

@@ -159,3 +159,17 @@ def test_poses_without_covariance_are_smoothed_by_their_sigmas(generated: Genera
     field = poses.schema.field(at)
     bare = poses.set_column(at, field, pa.nulls(60, field.type))
     assert np.abs(place(smooth_poses(bare)) - place(smooth_poses(poses))).max() < 0.004
+
+
+def test_nothing_is_bridged_where_the_camera_was_moved_and_nothing_ties(generated: Generated) -> None:
+    session = generated(120)
+    poses = poses_of(session, range(55, 65))
+    plane = fit_table(session.polygon)
+    rows = [plane.to_pylist()[0] | {"frame": frame, "tie": None} for frame in (0, 60)]
+    cut = pa.Table.from_pylist(rows, schema=plane.schema)
+    assert smooth_poses(poses)["source"].null_count == 0
+    apart = smooth_poses(poses, table_plane=cut)
+    assert apart["source"].null_count == 10
+    assert apart["frame"].equals(poses["frame"])
+    tied = pa.Table.from_pylist([row | {"tie": "boxes"} for row in rows], schema=plane.schema)
+    assert smooth_poses(poses, table_plane=tied).equals(smooth_poses(poses))

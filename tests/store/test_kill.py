@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ecat.errors import StaleError
-from ecat.store import Session, leftovers, open_session, read_journal, remove_leftovers
+from ecat.store import Journal, Session, leftovers, open_session, remove_leftovers
 from tests.store.conftest import Writers
 from tests.store.sessions import make, number_at, number_of
 
@@ -102,8 +102,8 @@ def test_a_killed_journal_keeps_what_was_acknowledged(session: Session, writers:
     acknowledged: list[int] = []
     for turn in range(5):
         acknowledged += kill_after(writers, random.Random(turn), "journal", session.path)
-        found = [record["number"] for record in read_journal(session, "main")]
-        assert found == list(range(len(found)))
+        found = [record.revision for record, _ in Journal(session.path, "main").records()]
+        assert found == list(range(1, len(found) + 1))
         assert len(acknowledged) <= len(found) <= len(acknowledged) + 1
         acknowledged = found
     assert acknowledged

@@ -21,8 +21,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ecat.errors import EcatError, LockedError, StaleError
-from ecat.store import append_journal, create_session, files, open_session, read_journal
-from tests.store.sessions import draft, make, number_of, write
+from ecat.model.record import Record
+from ecat.store import Journal, create_session, files, open_session
+from ecat.store.journal import START
+from tests.store.sessions import draft, layer, make, number_of, write
 
 
 def commit(path: Path) -> int:
@@ -42,10 +44,12 @@ def create(path: Path) -> int:
 
 def journal(path: Path) -> int:
     """Append the next record to the journal."""
-    session = open_session(path)
-    number = len(read_journal(session, "main"))
-    append_journal(session, "main", {"number": number})
-    return number
+    with Journal(path, "main").hold() as held:
+        news = held.news(START)
+        place = news[-1][1] if news else START
+        new = Record(revision=place.revision + 1, author="", time="", operation={"op": "x"})
+        held.append(place, [new], base=layer())
+    return new.revision
 
 
 def add(path: Path, times: int) -> int:

@@ -39,12 +39,14 @@ def read_number(image: NDArray[np.uint8]) -> int:
     """The number in an image (height, width, 3), whatever size it has become."""
     rows, columns = image.shape[0] / HEIGHT, image.shape[1] / WIDTH
     return sum(
-        1 << bit for bit in range(BITS) if image[round(16 * rows), round((9 + 11 * bit) * columns)].mean() > 128
+        1 << bit
+        for bit in range(BITS)
+        if image[round(16 * rows), round((9 + 11 * bit) * columns)].mean() > 128
     )
 
 
 def depth_image(k: int) -> NDArray[np.uint16]:
-    """Image (height, width) uint16 in millimetres: 1 m and more by row and number; the first column was not measured."""
+    """Image (height, width) uint16 in millimetres: 1 m and more by row and number, nothing in the first column."""
     rows = 1000 + MM_PER_ROW * np.arange(DEPTH_HEIGHT, dtype=np.uint16)[:, None] + k
     image = np.broadcast_to(rows, (DEPTH_HEIGHT, DEPTH_WIDTH)).astype(np.uint16)
     image[:, 0] = 0
@@ -63,12 +65,15 @@ def _draft(folder: Path, name: str) -> Draft:
     with DepthWriter(depth, DEPTH_WIDTH, DEPTH_HEIGHT) as writer:
         for k in range(n // 2):
             writer.write(depth_image(k), k * 66_000_000)
+    color_size, depth_size = (
+        {"width_px": w, "height_px": h} for w, h in ((WIDTH, HEIGHT), (DEPTH_WIDTH, DEPTH_HEIGHT))
+    )
     streams = (
-        Stream(name="color", kind="color", file="media/color.mp4", camera="color", n_frames=n, width_px=WIDTH, height_px=HEIGHT),
-        Stream(name="depth", kind="depth", file="media/depth.mkv", n_frames=n // 2, width_px=DEPTH_WIDTH, height_px=DEPTH_HEIGHT),
+        Stream(name="color", kind="color", file="media/color.mp4", camera="color", n_frames=n, **color_size),
+        Stream(name="depth", kind="depth", file="media/depth.mkv", n_frames=n // 2, **depth_size),
         Stream(name="infrared", kind="infrared", file="media/gone.mkv"),
         Stream(name="skeleton", kind="skeleton", file="media/rig.xml"),
-    )  # fmt: skip
+    )
     manifest = replace(draft.manifest, streams=streams)
     return replace(draft, manifest=manifest, files={"color": color, "depth": depth})
 

@@ -31,7 +31,16 @@ def refused(answer: httpx.Response, status: int = 403) -> None:
 
 
 def test_nobody_gets_anything_without_a_token(stranger: httpx.Client) -> None:
-    for path in ("/", PROJECT, "/api/sessions/slide", "/assets/x.js", "/index.html", "/api/nothing", "/?token=", "/?token=x"):
+    for path in (
+        "/",
+        PROJECT,
+        "/api/sessions/slide",
+        "/assets/x.js",
+        "/index.html",
+        "/api/nothing",
+        "/?token=",
+        "/?token=x",
+    ):
         refused(stranger.get(path))
     refused(stranger.post("/api/invitations"))
 
@@ -70,7 +79,9 @@ def test_whoever_is_in_can_invite(reader: Browser, stranger: httpx.Client) -> No
     assert stranger.get(PROJECT).status_code == 200
 
 
-def test_a_link_on_another_sites_page_lets_in_by_a_page_of_our_own(served: Server, stranger: httpx.Client) -> None:
+def test_a_link_on_another_sites_page_lets_in_by_a_page_of_our_own(
+    served: Server, stranger: httpx.Client
+) -> None:
     # the strict cookie would not go along with a redirect that another site began
     answer = stranger.get(served.url(), headers={"sec-fetch-site": "cross-site"})
     assert answer.status_code == 200
@@ -78,7 +89,9 @@ def test_a_link_on_another_sites_page_lets_in_by_a_page_of_our_own(served: Serve
     assert stranger.get(PROJECT, headers={"sec-fetch-site": "same-origin"}).status_code == 200
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "", "127.0.0.1.evil.example", "[::2]:80", "::1", "localhost."])
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:80", "", "127.0.0.1.evil.example", "[::2]:80", "::1", "localhost."]
+)
 def test_a_name_that_is_not_ours_is_refused(reader: Browser, host: str) -> None:
     refused(reader.get(PROJECT, headers={"host": host}))
 
@@ -106,7 +119,13 @@ def test_our_own_page_is_served(reader: Browser, served: Server) -> None:
 
 
 def test_every_answer_says_what_a_browser_may_do_with_it(reader: Browser, stranger: httpx.Client) -> None:
-    answers = [reader.get("/"), reader.get(PROJECT), reader.get("/api/nothing"), stranger.get("/"), reader.get("/nothing.js")]
+    answers = [
+        reader.get("/"),
+        reader.get(PROJECT),
+        reader.get("/api/nothing"),
+        stranger.get("/"),
+        reader.get("/nothing.js"),
+    ]
     for answer in answers:
         policy = answer.headers["content-security-policy"]
         assert "default-src 'self'" in policy
@@ -140,7 +159,15 @@ def test_a_body_that_claims_to_be_huge_is_not_waited_for(served: Server) -> None
 
 @pytest.mark.parametrize(
     "path",
-    ["/../app.py", "/assets/../../app.py", "/%2e%2e/app.py", "/assets/..%2f..%2fapp.py", "/..%5capp.py", "/assets/", "/assets"],
+    [
+        "/../app.py",
+        "/assets/../../app.py",
+        "/%2e%2e/app.py",
+        "/assets/..%2f..%2fapp.py",
+        "/..%5capp.py",
+        "/assets/",
+        "/assets",
+    ],
 )
 def test_nothing_but_the_page_is_served(reader: Browser, path: str) -> None:
     raw = reader.client.build_request("GET", f"{reader.server.address}/")
@@ -168,7 +195,7 @@ def test_the_name_in_a_host_header_is_what_stands_before_its_port() -> None:
 
 def test_tokens_that_nobody_uses_do_not_pile_up() -> None:
     access = Access()
-    first = access.invite()
+    first = last = access.invite()
     for _ in range(2000):
         last = access.invite()
     assert access.exchange(first) is None

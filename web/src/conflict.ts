@@ -35,9 +35,13 @@ export function changedId(change: Change): string {
   return change.kind.startsWith("key_frame") ? change.id.slice(0, change.id.lastIndexOf("@")) : change.id;
 }
 
-/** Whether two JSON values say the same, whatever the order of their fields. */
+function isBlank(value: unknown): boolean {
+  return value === undefined || value === null || value === "" || value === false || (typeof value === "object" && Object.keys(value).length === 0);
+}
+
+/** Whether what was sent says the same as what was recorded, where fields that have their default are left out. */
 function same(a: unknown, b: unknown): boolean {
-  if (a === b) return true;
+  if (a === b || (isBlank(a) && isBlank(b))) return true;
   if (typeof a !== "object" || typeof b !== "object" || a === null || b === null) return false;
   if (Array.isArray(a) !== Array.isArray(b)) return false;
   const left = a as Record<string, unknown>;

@@ -24,7 +24,7 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
   let tab: Tab = "Selected";
   const buttons = TABS.map((name) => h("button.tab", {
     type: "button", role: "tab", id: `tab-${name}`, "aria-controls": "inspector-panel", "data-testid": `tab-${name.toLowerCase()}`, onclick: () => show(name),
-  }, name, h("span.count")));
+  }, name, name === "Machine" ? h("span.count") : null));
   const bar = h("div.tabs", { role: "tablist", "aria-label": "Inspector" }, buttons);
   const body = h("div.panel-host", { role: "tabpanel", id: "inspector-panel" });
   fill(host, bar, body);
@@ -41,11 +41,8 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
     if (tab === "Selected") fill(selected, selectedPanel(app));
     else lists[tab].refresh();
     const open = app.openProposals();
-    const counts = [null, app.document.objects.list.length, app.document.events.list.length, app.document.relations.list.length,
-      open.events.filter((e) => e.parent === null).length + open.relations.length];
-    buttons.forEach((b, i) => {
-      (b.lastElementChild as HTMLElement).textContent = counts[i] ? ` ${counts[i]}` : "";
-    });
+    const n = open.events.filter((e) => e.parent === null).length + open.relations.length;
+    (buttons[TABS.indexOf("Machine")]?.lastElementChild as HTMLElement).textContent = n > 0 ? ` ${n}` : "";
   };
   const show = (name: Tab): void => {
     tab = name;

@@ -59,6 +59,7 @@ class Space {
         type: "button", "data-testid": `view-${name}`, title: label, "aria-label": label,
         onclick: () => {
           this.touched = true;
+          this.orbit.flipped = false;
           act();
           this.queue();
         },
@@ -100,7 +101,8 @@ class Space {
     const { eye } = this.scene;
     if (eye === null) return this.home();
     const { at } = this.scene.middle();
-    // as far ahead as the table is
+    // as the image shows it
+    this.orbit.flipped = eye.mirrored;
     const way: Vector = [eye.ahead[0] - eye.at[0], eye.ahead[1] - eye.at[1], eye.ahead[2] - eye.at[2]];
     const far = Math.max(0.3, Math.hypot(at[0] - eye.at[0], at[1] - eye.at[1], at[2] - eye.at[2]));
     return this.orbit.look(eye.at, [eye.at[0] + way[0] * far, eye.at[1] + way[1] * far, eye.at[2] + way[2] * far]);

@@ -70,7 +70,12 @@ async def _receive(socket: WebSocket, hub: Hub, person: Person) -> None:
         except ValidationError:
             await socket.close(POLICY_VIOLATION, "not a message that is understood")
             return
-        person.name, person.layer, person.frame, person.selection = told.name, told.layer, told.frame, told.selection
+        person.name, person.layer, person.frame, person.selection = (
+            told.name,
+            told.layer,
+            told.frame,
+            told.selection,
+        )
         hub.presence_changed()
 
 

@@ -20,7 +20,7 @@ Frame = Annotated[int | None, Query(ge=-(2**31), lt=2**31)]
 
 
 @router.get("/columns/{table}", response_class=Response)
-def columns(
+def columns(  # noqa: PLR0917 - FastAPI calls it by names
     opened: TheSession,
     table: str,
     request: Request,

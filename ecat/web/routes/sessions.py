@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+import asyncio
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Query, Response
 
+from ecat.annotate import scheme_names
 from ecat.store.media import annotated_stream
 from ecat.web.answers import json_answer
+from ecat.web.layers import SharedLayer
 from ecat.web.proxies import Proxy, describe
 from ecat.web.shapes import Invitation, ProjectShape, SessionShape
 from ecat.web.site import OpenSession, TheSession, TheSite
@@ -28,12 +31,16 @@ async def invite(site: TheSite) -> Response:
 
 
 @router.get("/sessions/{sid}", response_model=SessionShape)
-def session(opened: TheSession) -> Response:
+async def session(
+    opened: TheSession,
+    layer: Annotated[str | None, Query(max_length=200, description="whose coding scheme is meant")] = None,
+) -> Response:
     """What there is to show of a session; its videos begin to be made."""
-    return json_answer(_described(opened))
+    shared = await opened.first_layer(layer)
+    return json_answer(await asyncio.to_thread(_described, opened, shared))
 
 
-def _described(opened: OpenSession) -> dict[str, Any]:
+def _described(opened: OpenSession, shared: SharedLayer | None) -> dict[str, Any]:
     manifest, facts = opened.session.manifest, opened.facts()
     video = annotated_stream(manifest)
     made = opened.proxies(make=True)
@@ -59,9 +66,9 @@ def _described(opened: OpenSession) -> dict[str, Any]:
         "clock": manifest.clock.rule,
         "video": None if video is None else video.name,
         "streams": streams,
-        "layers": [],
+        "layers": opened.describe_layers(),
         "tables": [record.name for record in manifest.tables],
-        "scheme": None,
-        "schemes": [],
+        "scheme": opened.describe_scheme(shared),
+        "schemes": scheme_names(opened.session),
         **{name: facts[name] for name in ("frame_rate_median", "cameras", "bodies", "boxes", "plane")},
     }

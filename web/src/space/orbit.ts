@@ -23,6 +23,8 @@ export class Orbit {
   elevation = 0.6;
   width = 1;
   height = 1;
+  /** Left and right exchanged, as in the images of a mirrored camera. */
+  flipped = false;
 
   get eye(): Vector {
     const flat = Math.cos(this.elevation);
@@ -45,23 +47,24 @@ export class Orbit {
     const [right, up, forward] = this.axes();
     const { eye, focal } = this;
     const [cx, cy] = [this.width / 2, this.height / 2];
+    const side = this.flipped ? -focal : focal;
     return (p) => {
       const d = sub(p, eye);
       const depth = dot(d, forward);
       if (depth < NEAR_M) return null;
-      return { x: cx + (focal * dot(d, right)) / depth, y: cy - (focal * dot(d, up)) / depth, depth };
+      return { x: cx + (side * dot(d, right)) / depth, y: cy - (focal * dot(d, up)) / depth, depth };
     };
   }
 
   turn(dx: number, dy: number): void {
-    this.azimuth -= dx / 150;
+    this.azimuth -= (this.flipped ? -dx : dx) / 150;
     this.elevation = Math.max(-0.2, Math.min(Math.PI / 2 - 1e-3, this.elevation + dy / 150));
   }
 
   pan(dx: number, dy: number): void {
     const [right, up] = this.axes();
     const scale = this.distance / this.focal;
-    this.target = add(this.target, add(times(right, -dx * scale), times(up, dy * scale)));
+    this.target = add(this.target, add(times(right, (this.flipped ? dx : -dx) * scale), times(up, dy * scale)));
   }
 
   zoom(factor: number): void {
@@ -80,6 +83,6 @@ export class Orbit {
   /** Sees everything within `radius` of `target` from the direction it has. */
   frame(target: Vector, radius: number): void {
     this.target = target;
-    this.distance = Math.max(LEAST_M, Math.min(MOST_M, (radius / Math.sin(HALF_VIEW_RAD)) * 1.02));
+    this.distance = Math.max(LEAST_M, Math.min(MOST_M, (radius / Math.sin(HALF_VIEW_RAD)) * 0.86));
   }
 }

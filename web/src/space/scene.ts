@@ -18,6 +18,7 @@ interface CameraInfo {
   readonly fy_px: number;
   readonly cx_px: number;
   readonly cy_px: number;
+  readonly mirrored: boolean;
   readonly rotation: Quaternion;
   readonly translation_m: Vector;
 }
@@ -42,6 +43,7 @@ export interface Eye {
   readonly at: Vector;
   readonly corners: readonly Vector[];
   readonly ahead: Vector;
+  readonly mirrored: boolean;
 }
 
 /** Without a table the camera is taken to look straight ahead: right, down, forward turn to right, forward, up. */
@@ -86,7 +88,7 @@ export class Scene {
     const corner = (u: number, v: number): Vector =>
       place(times([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1], FRUSTUM_M));
     const [w, h] = [camera.width_px, camera.height_px];
-    return { at: place([0, 0, 0]), corners: [corner(0, 0), corner(w, 0), corner(w, h), corner(0, h)], ahead: place([0, 0, 1]) };
+    return { at: place([0, 0, 0]), corners: [corner(0, 0), corner(w, 0), corner(w, h), corner(0, h)], ahead: place([0, 0, 1]), mirrored: camera.mirrored };
   }
 
   boxes(frame: number): Box[] {

@@ -1,0 +1,212 @@
+"""A real server in a process of its own, and Debian's Chromium driven by Playwright.
+
+Skipped where there is no Chromium (``$ECAT_CHROMIUM``, or ``/usr/bin/chromium``) or no Playwright: Playwright's own
+Chromium plays no H.264.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from ecat.model import AnnotatedObject, Layer
+from ecat.sample import sample_session
+from ecat.store import Session, create_session, open_session
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+WAIT_MS = 10_000
+
+
+def _chromium() -> Path:
+    found = Path(os.environ.get("ECAT_CHROMIUM", "/usr/bin/chromium"))
+    if not found.exists():
+        pytest.skip(f"no Chromium at {found}; ECAT_CHROMIUM names another")
+    return found
+
+
+@dataclass
+class Served:
+    """``ecat annotate`` of a session, which was let run."""
+
+    path: Path
+    process: subprocess.Popen[str]
+    address: str
+    token: str
+
+    def invite(self) -> str:
+        """An address that lets one more browser in."""
+        headers = {"authorization": f"Bearer {self.token}"}
+        request = urllib.request.Request(f"{self.address}/api/invitations", b"", headers, method="POST")
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            return f"{self.address}{json.load(answer)['path']}"
+
+    def stop(self) -> None:
+        """Ctrl-C: the server saves and ends."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(30) == 0, (self.process.stderr and self.process.stderr.read()) or "no message"
+
+    def session(self) -> Session:
+        """What is on the disk now."""
+        return open_session(self.path)
+
+    def layer(self, name: str = "main") -> Layer:
+        """A layer as it is on the disk once the server has ended."""
+        self.stop()
+        return self.session().layer(name)
+
+
+@pytest.fixture(scope="session")
+def blank_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of 200 frames or so, in which nobody has said anything but what the objects are."""
+    folder = tmp_path_factory.mktemp("page") / "slide"
+    draft, _ = sample_session(seed=3, actions=("next",), name="slide")
+    objects: tuple[AnnotatedObject, ...] = draft.layers[0].objects
+    layer = Layer(name="main", scheme="blocks", object_counter=len(objects), objects=objects)
+    create_session(folder, replace(draft, layers=(layer,)))
+    return folder
+
+
+@pytest.fixture
+def blank(blank_once: Path, tmp_path: Path) -> Path:
+    """A copy of it, to do anything to."""
+    return Path(shutil.copytree(blank_once, tmp_path / "slide"))
+
+
+@pytest.fixture
+def serve() -> Generator[Callable[[Path], Served]]:
+    """Start ``ecat annotate`` of a path; it is ended with the test."""
+    with ExitStack() as stack:
+
+        def start(path: Path, *options: str) -> Served:
+            command = [sys.executable, "-m", "ecat", "annotate", str(path), "--no-browser", "--json", "--port", "0"]
+            process = stack.enter_context(
+                subprocess.Popen(
+                    [*command, "--author", "ann", *options],
+                    text=True,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                )
+            )
+            stack.callback(process.kill)
+            told = _first_json(process)
+            return Served(path, process, told["address"], told["token"])
+
+        yield start
+
+
+def _first_json(process: subprocess.Popen[str]) -> dict[str, Any]:
+    assert process.stdout is not None
+    text = ""
+    for line in process.stdout:
+        text += line
+        try:
+            return cast("dict[str, Any]", json.loads(text))
+        except ValueError:
+            continue
+    assert process.stderr is not None
+    pytest.fail(f"ecat annotate ended: {process.stderr.read()}")
+
+
+@pytest.fixture
+def served(blank: Path, serve: Callable[[Path], Served]) -> Served:
+    """A server of the blank session."""
+    return serve(blank)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Generator[Any]:
+    """The browser."""
+    executable = _chromium()
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=str(executable), args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@dataclass
+class Window:
+    """A page in a browser profile of its own, and what it complained of."""
+
+    page: Any
+    complaints: list[str]
+
+    def press(self, *keys: str) -> None:
+        """Press keys one after the other, each when what the one before did has been saved."""
+        for key in keys:
+            self.page.keyboard.press(key)
+            self.settle()
+
+    def settle(self) -> None:
+        """Wait until everything that was done has been acknowledged."""
+        self.page.wait_for_function("() => window.ecat.save === 'saved'", timeout=WAIT_MS)
+
+    def at(self, frame: int) -> None:
+        """Put the cursor at a frame."""
+        self.page.evaluate("(frame) => window.ecat.seek(frame)", frame)
+
+    def find(self, test_id: str) -> Any:
+        """The element with a ``data-testid``."""
+        return self.page.get_by_test_id(test_id)
+
+    def says(self, expression: str) -> Any:
+        """The value of an expression about the page's state, ``app``."""
+        return self.page.evaluate(f"() => {{ const app = window.ecat; return {expression}; }}")
+
+    def opened(self) -> None:
+        """Wait until the session is there."""
+        self.page.wait_for_selector("#workspace", timeout=WAIT_MS)
+        self.settle()
+
+
+@pytest.fixture
+def window(chromium: Any) -> Generator[Callable[..., Window]]:
+    """Open a window at an address, with a profile of its own."""
+    with ExitStack() as stack:
+
+        def open_(address: str, *, author: str | None = None, **options: Any) -> Window:
+            context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
+            stack.callback(context.close)
+            if author is not None:
+                settings = json.dumps({"author": author})
+                context.add_init_script(f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})")
+            page = context.new_page()
+            made = Window(page, [])
+            page.on("pageerror", lambda error: made.complaints.append(str(error)))
+            page.on("console", lambda message: _note(made, message))
+            page.goto(address)
+            return made
+
+        yield open_
+
+
+def _note(window: Window, message: Any) -> None:
+    # an answer that refuses is the business of the test; what the page itself does wrong never is
+    if message.type == "error" and "Failed to load resource" not in message.text:
+        window.complaints.append(message.text)
+
+
+@pytest.fixture
+def annotating(served: Served, window: Callable[..., Window]) -> Generator[Window]:
+    """The blank session, opened; the page may not have complained of anything in the end."""
+    made = window(served.invite())
+    made.opened()
+    yield made
+    assert made.complaints == []
