@@ -10,7 +10,7 @@ from typing import Any, Literal
 from ecat.annotate.codec import operation_from_dict, operation_to_dict, require_few
 from ecat.annotate.history import History, turn_back
 from ecat.annotate.operations import Edit, Operation
-from ecat.annotate.rules import require_sound
+from ecat.annotate.rules import perform, require_sound
 from ecat.annotate.surroundings import Surroundings
 from ecat.errors import ConflictError, OperationError, StaleError, UsageError
 from ecat.model import CodingScheme, Layer
@@ -183,14 +183,7 @@ class Editor:
         checked = [operation_from_dict(data) for data in said]
         whole: dict[str, Any] = said[0] if len(said) == 1 else {"op": "batch", "operations": said}
 
-        def change(edit: Edit) -> tuple[Change, ...]:
-            for operation in checked:
-                edit.op = operation.op
-                operation.perform(edit)
-            require_sound(edit, edit.changes)
-            return edit.changes
-
-        return self._step(whole, change, base, author, may_be_empty=False)
+        return self._step(whole, lambda edit: perform(edit, checked), base, author, may_be_empty=False)
 
     def undo(self, *, base: int | None = None, author: str | None = None) -> Record:
         """Undo the author's last step that is not undone.
@@ -283,11 +276,7 @@ class Editor:
             self._require_base(base)
             first = None if self._place.offset else self._document.layer()
             edit = self._edit(self._who(author))
-            try:
-                changes = change(edit)
-            except BaseException:
-                edit.roll_back()
-                raise
+            changes = change(edit)
             if not changes and not may_be_empty:
                 return Record(revision=self.revision, author=edit.author, time=now(), operation=operation)
             record = Record(

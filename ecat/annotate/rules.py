@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ecat.annotate.operations.base import Edit
+from ecat.annotate.operations.base import Edit, Operation
 from ecat.errors import NotFoundError, OperationError
 from ecat.model import CodingScheme, Event, Relation, Role, Tier
 from ecat.model.changes import Change, Kind, from_json
@@ -17,6 +17,24 @@ from ecat.model.document import owner_of, span
 MOST_DEPTH = 16
 """Levels of sub-events."""
 MOST_ARGUMENTS = 16
+
+
+def perform(edit: Edit, operations: Iterable[Operation]) -> tuple[Change, ...]:
+    """Do operations, all of them or none, and return what they changed.
+
+    Raises
+    ------
+    OperationError : one is not allowed, or together they break a rule; nothing was changed.
+    """
+    try:
+        for operation in operations:
+            edit.op = operation.op
+            operation.perform(edit)
+        require_sound(edit, edit.changes)
+    except BaseException:
+        edit.roll_back()
+        raise
+    return edit.changes
 
 
 def require_sound(edit: Edit, changes: Iterable[Change]) -> None:

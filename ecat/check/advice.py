@@ -28,6 +28,8 @@ ADVICE: dict[str, str] = {
     "ecat import RECORDING NEW_FOLDER",
     "layer-unreadable": _EDIT,
     "layer-edited": _EDIT,
+    "journal-misfit": "take the journal from a copy of the session; or go on without its history: "
+    "ecat check {path} --repair",
     "reference-unchecked": "mend what cannot be read first, then examine it again: ecat check {path}",
     "table-missing": _AGAIN,
     "table-unlisted": "take {path}/session.json from a copy; a table that a stage made can be made again: "

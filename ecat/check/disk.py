@@ -11,7 +11,7 @@ from ecat.check.finding import Finding, error, warning
 from ecat.errors import EcatError, SchemaError
 from ecat.model import Layer, LayerRecord
 from ecat.store import Fault, Session, files, leftovers, validate
-from ecat.store.manifest import layer_file, table_file
+from ecat.store.manifest import journal_file, layer_file, table_file
 from ecat.store.xml import MAX_BYTES, layer_from_xml
 from ecat.tables import PUBLISHED, TABLES
 
@@ -20,6 +20,7 @@ REPUBLISH = "publish the tables of the annotations anew"
 ADOPT = "take the edit over and publish its tables anew"
 REMOVE = "remove it"
 RERUN = "run the stage that made it again"
+NEW_JOURNAL = "set the journal aside and begin a new one"
 
 
 def left_over(folder: Path, seen: set[Path]) -> Iterator[Finding]:
@@ -141,4 +142,6 @@ def _damage(session: Session, fault: Fault) -> Finding:
     for layer in session.manifest.layers:
         if layer.file == fault.file:
             return error("layer-unreadable", f"layer {layer.name}", message)
+        if fault.file == journal_file(layer.name):
+            return error("journal-misfit", f"layer {layer.name}, journal", message, NEW_JOURNAL)
     return error("stream-damaged", _stream_place(session, fault.file), message)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,7 @@ from ecat.check.references import REFERENCES
 from ecat.check.schema import SCHEMA
 from ecat.check.table import TABLE
 from ecat.errors import EcatError, NotFoundError, SchemaError
-from ecat.model import Layer
-from ecat.model.scheme import ECAT_2018_SCHEME
+from ecat.model import CodingScheme, Layer
 from ecat.progress import Progress, silent
 from ecat.store import (
     Session,
@@ -31,12 +30,11 @@ from ecat.store import (
     open_session,
 )
 from ecat.store.manifest import PROJECT_FILE, SESSION_FILE, is_plain_name
+from ecat.store.schemes import find_scheme
 from ecat.store.transaction import COMMIT_FILE
 
 CHECKS: tuple[Check, ...] = (*MANIFEST, *SCHEMA, *CLOCK, *MARKS, *TABLE, *REFERENCES, *ANNOTATION)
 """The checks of a session's content, in the order of their findings."""
-SCHEMES = {scheme.name: scheme for scheme in (ECAT_2018_SCHEME,)}
-"""Coding schemes by name; what follows another one is not compared with any."""
 Siblings = dict[Path, Objects]
 
 
@@ -123,7 +121,7 @@ def _check_session(path: Path, siblings: Siblings, seen: set[Path], *, deep: boo
         manifest=session.manifest,
         layers=layers,
         table=table,
-        scheme=SCHEMES.get,
+        scheme=partial(_scheme, path),
         sibling=lambda name: _objects_of(path.parent / name, siblings) if is_plain_name(name) else None,
     )
     yield from examine(patient)
@@ -133,6 +131,14 @@ def _table(session: Session, name: str) -> pa.Table | None:
     """The rows, or None: why a table cannot be read is a finding of its own."""
     try:
         return session.table(name).to_arrow() if session.has_table(name) else None
+    except EcatError:
+        return None
+
+
+def _scheme(path: Path, name: str) -> CodingScheme | None:
+    """The coding scheme; what follows one that is not at hand is not compared with any."""
+    try:
+        return find_scheme(path, name) if name else None
     except EcatError:
         return None
 

@@ -17,8 +17,11 @@ def _dangling(place: str, what: str) -> Finding:
 def duplicate_ids(patient: Patient) -> Iterator[Finding]:
     """Identifiers are unique in their layer."""
     for layer in patient.layers.values():
-        for kind, ids in (("object", [o.id for o in layer.objects]), ("event", [e.id for e in layer.events])):
-            twice = sorted(name for name, count in Counter(ids).items() if count > 1)
+        elements = {"object": layer.objects, "event": layer.events, "relation": layer.relations}
+        for kind, items in elements.items():
+            # a relation without an id gets one of its own
+            ids = Counter(item.id for item in items if item.id or kind != "relation")
+            twice = sorted(name for name, count in ids.items() if count > 1)
             if twice:
                 message = f"{kind} ids that occur more than once: {some(twice)}"
                 yield error("duplicate-id", f"layer {layer.name}", message)
@@ -43,6 +46,16 @@ def event_references(patient: Patient) -> Iterator[Finding]:
             for reference in event.references:
                 if reference.target not in objects:
                     yield _dangling(place, f"object {reference.target}, referred to by its text,")
+
+
+def decisions(patient: Patient) -> Iterator[Finding]:
+    """What was accepted is there."""
+    for layer in patient.layers.values():
+        made = {item.id for item in (*layer.events, *layer.relations)}
+        for decision in layer.decisions:
+            if decision.verdict == "accepted" and decision.result not in made:
+                place = f"layer {layer.name}, decision about {decision.proposal}"
+                yield _dangling(place, f"{decision.result or 'nothing'}, which was made of it,")
 
 
 def parent_cycles(patient: Patient) -> Iterator[Finding]:
@@ -145,6 +158,7 @@ def stream_references(patient: Patient) -> Iterator[Finding]:
 REFERENCES = (
     duplicate_ids,
     event_references,
+    decisions,
     parent_cycles,
     text_spans,
     relation_references,

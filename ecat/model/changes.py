@@ -251,12 +251,16 @@ def by_id(layer: Layer, field: str) -> dict[str, Any]:
 
     Raises
     ------
-    SchemaError : an id occurs twice.
+    SchemaError : an id, or a frame of an object, occurs twice.
     """
     elements = getattr(layer, field)
     found = {element.proposal if field == "decisions" else element.id: element for element in elements}
     if len(found) != len(elements):
         raise _twice(f"layer {layer.name}: {field} that have the same id")
+    if field == "objects":
+        for thing in layer.objects:
+            for shapes in KEY_FRAMES:
+                key_frames(thing, shapes)
     return found
 
 

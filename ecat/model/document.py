@@ -27,7 +27,6 @@ from ecat.model.changes import (
     by_id,
     from_json,
     header,
-    key_frames,
     readers,
     to_json,
 )
@@ -53,9 +52,6 @@ class Document:
         self._order: dict[Kind, list[str]] = {kind: list(ids) for kind, ids in self._elements.items()}
         self._users: dict[tuple[str, str], dict[tuple[Kind, str], None]] = {}
         self._lanes: dict[str, Lane] = {}
-        for thing in layer.objects:
-            for field in KEY_FRAMES:
-                key_frames(thing, field)
         for kind, elements in self._elements.items():
             for name, element in elements.items():
                 self._index(kind, name, element)
@@ -129,7 +125,7 @@ class Document:
         return tuple(sorted((e for e in found if e.parent == name), key=lambda e: (span(e) or (0, 0), e.id)))
 
     def users(self, kind: Literal["object", "event"], name: str) -> tuple[tuple[Kind, str], ...]:
-        """Kind and id of the events, relations and decisions that name an object or an event."""
+        """Kind and id of what names an object or an event; a decision names its result as an event."""
         return tuple(self._users.get((kind, name), ()))
 
     def overlapping(self, tier: str, start: int, end: int) -> Iterator[Event]:
@@ -252,7 +248,6 @@ def _uses(element: Any) -> Iterator[tuple[str, str]]:
                 yield "object", target
     elif isinstance(element, Decision) and element.result:
         yield "event", element.result
-        yield "relation", element.result
 
 
 def owner_of(target: str, kind: str) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from ecat.errors import InputError, LimitError
 from ecat.model import AnnotatedObject, Stream
@@ -146,22 +147,26 @@ def clock_table(session: Session) -> pa.Table:
             consequence="nothing was changed",
             fix="ecat check says whether the number can be right; split a longer recording",
         )
-    known = _recorded_times(session)
-    if known is None:
-        known = dict(enumerate(manifest.clock.times_ns(range(n), manifest.n_frames)))
-    t_ns = pa.array([known.get(frame) for frame in range(n)], pa.int64())
-    return pa.table({"frame": pa.array(range(n), pa.int32()), "t_ns": t_ns})
+    frame = pa.array(np.arange(n, dtype=np.int32))
+    recorded = _recorded_times(session)
+    if recorded is None:
+        t_ns = pa.array(manifest.clock.times_ns(range(n), manifest.n_frames), pa.int64())
+        return pa.table({"frame": frame, "t_ns": t_ns})
+    its, times = recorded
+    known = (its >= 0) & (its < n)
+    values, there = np.zeros(n, np.int64), np.zeros(n, bool)
+    values[its[known]], there[its[known]] = times[known], True
+    return pa.table({"frame": frame, "t_ns": pa.array(values, mask=~there)})
 
 
-def _recorded_times(session: Session) -> dict[int, int | None] | None:
-    """Frame and time of every image of the annotated video; None without a recorded clock."""
+def _recorded_times(session: Session) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Frame and time (n,) of every image of the annotated video; None without a recorded clock."""
     if session.manifest.clock.rule != "recorded" or not session.has_table("frames"):
         return None
     video = annotated_stream(session.manifest)
-    rows = session.table("frames").to_arrow()
-    frame, t_ns = (np.asarray(rows[name]).tolist() for name in ("frame", "t_ns"))
-    names = rows["stream"].to_pylist()
-    return {f: t for f, t, name in zip(frame, t_ns, names, strict=True) if video and name == video.name}
+    name = video.name if video is not None else ""
+    rows = session.table("frames").to_arrow().filter(pc.field("stream").cast(pa.string()) == name)
+    return rows["frame"].to_numpy().astype(np.int64), rows["t_ns"].to_numpy().astype(np.int64)
 
 
 def input_hashes(session: Session, stage: Stage) -> dict[str, str]:

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ecat.model import AnnotatedObject, Event, Layer, Property, Relation, Role, Segment
-from ecat.model.annotation import Argument, TextPredicate, TextReference
+from ecat.model.annotation import Argument, TextPredicate, TextReference, with_relation_ids
 from ecat.model.prototype import BoxPrototype
 from ecat.process.inputs import annotated_objects, box_objects
 from ecat.stages.propose import PROPOSE
@@ -54,10 +54,11 @@ def machine_layer(
         )
         for name in sorted(named)
     )
-    return Layer(
+    made = Layer(
         name=LAYER, object_counter=len(kept), event_counter=len(events), objects=kept, events=events,
         relations=relations,
     )  # fmt: skip
+    return with_relation_ids(made)
 
 
 def _relation(row: _Row) -> Relation:
@@ -150,11 +151,18 @@ def _segments(rows: Iterable[_Row]) -> tuple[Segment, ...]:
 
 
 def decisions(session: Session) -> int:
-    """How many events and relations of the layer ``machine`` are no longer mere proposals."""
+    """How many events and relations of the layer ``machine`` are no longer mere proposals: people accepted or rejected
+    them in layers of their own, or they were confirmed in place.
+    """
     if session.manifest.layer(LAYER) is None:
         return 0
-    layer = session.layer(LAYER)
-    return sum(item.status != "proposed" for item in (*layer.events, *layer.relations))
+    proposed = session.layer(LAYER)
+    decided = {
+        f"{LAYER}/{item.id}" for item in (*proposed.events, *proposed.relations) if item.status != "proposed"
+    }
+    for record in session.manifest.layers:
+        decided |= {decision.proposal for decision in session.layer(record.name).decisions}
+    return sum(proposal.startswith(f"{LAYER}/") for proposal in decided)
 
 
 def proposed_layer(

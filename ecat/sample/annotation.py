@@ -24,7 +24,7 @@ from ecat.model import (
     TextReference,
     Tier,
 )
-from ecat.model.annotation import Argument
+from ecat.model.annotation import Argument, with_relation_ids
 from ecat.sample.scene import TABLE_OUTLINE_M
 from ecat.sample.script import Carry, Move
 from ecat.sample.sensor import NoiseModel
@@ -68,7 +68,7 @@ def annotate(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator) ->
     """The layer ``main`` of a sample session."""
     objects = (_rig(), *_boxes(truth), _table(truth, noise, rng))
     events = _events(truth)
-    return Layer(
+    made = Layer(
         name="main",
         object_counter=len(objects),
         event_counter=len(events),
@@ -77,6 +77,7 @@ def annotate(truth: GroundTruth, noise: NoiseModel, rng: np.random.Generator) ->
         events=events,
         relations=_relations(truth),
     )
+    return with_relation_ids(made)
 
 
 # ---------------------------------------------------------------------------------------------- objects

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from ecat.stages.sightings import PIXELS, Faces, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import FACE_PLANES
 
+_FRAMES_AT_ONCE = 2048
 _TOGETHER = 16
 """Depth images whose faces are fitted at once."""
 
@@ -64,12 +65,33 @@ def fit_face_planes(
     parameters = parameters or FacePlaneParameters()
     known = pc.and_(pc.is_valid(markers_2d["code"]), pc.is_valid(markers_2d["order"]))
     markers_2d = markers_2d.filter(known)
+    # whole frames at a time: an hour of faces with all that is known of them does not fit into little memory
+    first = np.searchsorted(markers_2d["frame"].to_numpy(), _stretches(markers_2d))
+    camera = None if depth.camera is None else DepthCamera(depth.camera, depth.unit_m)
+    parts = [
+        _planes(markers_2d.slice(start, end - start), depth, camera, parameters)
+        for start, end in pairwise(first.tolist())
+        if camera is not None and len(depth)
+    ]
+    return pa.concat_tables([FACE_PLANES.arrow.empty_table(), *parts])
+
+
+def _stretches(markers_2d: pa.Table) -> NDArray[np.int64]:
+    """The frames at which a stretch begins, and that after the last."""
+    end = int(pc.max(markers_2d["frame"]).as_py()) + 1 if markers_2d.num_rows else 0
+    return np.append(np.arange(0, end, _FRAMES_AT_ONCE), end)
+
+
+def _planes(
+    markers_2d: pa.Table, depth: Images, camera: DepthCamera, parameters: FacePlaneParameters
+) -> pa.Table:
+    """The rows of ``face_planes`` for some markers, all with codes."""
     faces = read_faces(markers_2d, None, parameters.camera)
     rows, rings, sides = _sized(faces, parameters)
-    if depth.camera is None or not len(depth) or not len(rows):
+    if not len(rows):
         return FACE_PLANES.arrow.empty_table()
     centre = square_poses(rings, sides, parameters.camera)[0].translation
-    quads = depth_pixels(rings, centre, parameters.camera, depth.camera)
+    quads = depth_pixels(rings, centre, parameters.camera, camera.camera)
     marked = faces.row[rows]
     image = _nearest(markers_2d, marked, depth, parameters.max_gap_s)
     use = (image >= 0) & np.isfinite(quads).all((1, 2))
@@ -80,7 +102,7 @@ def fit_face_planes(
     marked, quads, image = marked[by], quads[by], image[by]
     measured = _measured(markers_2d, marked, image, parameters)
     own = np.flatnonzero(measured == np.arange(len(measured)))
-    fits = _fits(depth.read(np.unique(image[own]).tolist()), image[own], quads[own], depth, parameters)
+    fits = _fits(depth.read(np.unique(image[own]).tolist()), image[own], quads[own], camera, parameters)
     fit = FaceFit.joined(list(fits))[np.searchsorted(own, measured)]
     return _table(markers_2d, marked, fit, parameters.min_points)
 
@@ -89,12 +111,10 @@ def _fits(
     pictures: Iterator[NDArray[Any]],
     image: NDArray[np.int64],
     quads: Floats,
-    depth: Images,
+    camera: DepthCamera,
     parameters: FacePlaneParameters,
 ) -> Iterator[FaceFit]:
     """Planes of ``quads`` (n, 4, 2), each in ``image`` (n,) ascending, of some images at a time: less work than one."""
-    assert depth.camera is not None
-    camera = DepthCamera(depth.camera, depth.unit_m)
     _, starts, which = np.unique(image, return_index=True, return_inverse=True)
     for block in np.split(np.arange(len(image)), starts[_TOGETHER::_TOGETHER]):
         yield fit_faces(

@@ -25,8 +25,8 @@ from ecat.stages.table_depth import fit_table_in_depth, outline_table
 from ecat.stages.tie import tied
 from ecat.tables import TABLE_PLANE
 
-MIN_BOX_FRAMES = 20
-"""Fewer frames with boxes say less about the table than the polygon does."""
+MIN_BOX_FRAMES, MOST_BOX_FRAMES = 20, 1000
+"""Fewer frames with a box say less about the table than the polygon does, more say nothing new."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ def fit_table(
         )
     if not boxes:
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
-    tracks = [Track(0, box.prototype, box.seen[:: parameters.every]) for box in boxes]
+    every = [max(parameters.every, -(-len(box.frame) // MOST_BOX_FRAMES)) for box in boxes]
+    tracks = [Track(0, box.prototype, box.seen[::step]) for box, step in zip(boxes, every, strict=True)]
     first = plane_frame(start.normal, start.offset)
     bundle = adjust(
         tracks,

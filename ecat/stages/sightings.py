@@ -180,7 +180,8 @@ def object_prototypes(
     votes: Counter[tuple[str, str]] = Counter()
     for table in markers:
         if table is not None:
-            words = pa.table({name: table[name].cast(pa.string()) for name in ("object_id", "code")})
+            names = ["object_id", "code"]
+            words = pa.Table.from_arrays([table[name].cast(pa.string()) for name in names], names=names)
             counted = words.group_by(words.column_names).aggregate([([], "count_all")])
             pairs = zip(strings(counted, "object_id"), strings(counted, "code"), strict=True)
             votes.update(dict(zip(pairs, counted["count_all"].to_pylist(), strict=True)))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from ecat.geometry.boxes import from_leftmost
 from ecat.geometry.changes import TILE_PX, Changes, Region, around, grown, merged, tile_means
-from ecat.geometry.detection import Detector, Evidence, Found, face_keys, places, same_place
+from ecat.geometry.detection import Detector, Evidence, Found, places, same_place
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype, MarkerFace
 from ecat.stages.depth_gauge import DepthGauge
@@ -33,6 +34,7 @@ _SAME_PX = 2.0
 _STEADY_PX = 3.0
 _ORIGIN, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 _KEPT_APART = 512
+_AT_ONCE = 4096
 _NO_RINGS: Floats = np.empty((0, 4, 2))
 
 Believable: TypeAlias = Callable[[int, Found], NDArray[np.bool_]]
@@ -288,24 +290,40 @@ def track_markers(
         )
     )
     tracker = Tracker(detector, parameters, gauge)
-    images: list[NDArray[np.int64]] = []
-    found: list[Found] = []
+    parts: list[_Seen] = []
     joined = 0
     for i, faces in enumerate(tracker.follow(map(_grey, color))):
         if len(faces):
-            images.append(np.full(len(faces), i))
-            found.append(faces)
-        if (
-            len(found) - joined >= _KEPT_APART
-        ):  # an hour of small arrays is many times as large as its numbers
-            found[joined:], images[joined:] = (
-                [Found.joined(found[joined:])],
-                [np.concatenate(images[joined:])],
-            )
+            parts.append(_Seen.of(i, faces))
+        if len(parts) - joined >= _KEPT_APART:
+            # an hour of small arrays is many times as large as its numbers
+            parts[joined:] = [_Seen.joined(parts[joined:])]
             joined += 1
-    if not found:
-        return MARKERS_2D.arrow.empty_table()
-    return _table(np.concatenate(images), Found.joined(found), detector, color, parameters)
+    tables = _tables(_Seen.joined(parts), detector, color, parameters) if parts else ()
+    return pa.concat_tables([MARKERS_2D.arrow.empty_table(), *tables])
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Faces (n,) in all images: what of them becomes a row."""
+
+    image: NDArray[np.int32]
+    box: NDArray[np.int16]
+    face: NDArray[np.int16]
+    rings: Floats
+
+    @classmethod
+    def of(cls, image: int, found: Found) -> _Seen:
+        numbers = np.full(len(found), image, np.int32)
+        return cls(numbers, found.box.astype(np.int16), found.face.astype(np.int16), found.rings)
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Seen]) -> _Seen:
+        names = ("image", "box", "face", "rings")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    def __getitem__(self, rows: NDArray[Any] | slice) -> _Seen:
+        return _Seen(self.image[rows], self.box[rows], self.face[rows], self.rings[rows])
 
 
 def object_ids(prototypes: Sequence[BoxPrototype]) -> list[str]:
@@ -327,7 +345,7 @@ def _grey(image: NDArray[Any]) -> NDArray[np.uint8]:
     return np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def _seen_enough(images: NDArray[np.int64], n_images: int, parameters: TrackParameters) -> bool:
+def _seen_enough(images: NDArray[np.int32], n_images: int, parameters: TrackParameters) -> bool:
     """Whether there are enough sightings (ascending image numbers) among some consecutive images."""
     seen = np.unique(images)
     # a recording of a few images cannot show more
@@ -335,14 +353,20 @@ def _seen_enough(images: NDArray[np.int64], n_images: int, parameters: TrackPara
     return bool((seen[needed - 1 :] - seen[: max(len(seen) - needed + 1, 0)] < parameters.within).any())
 
 
-def _table(
-    images: NDArray[np.int64], found: Found, detector: Detector, color: Images, parameters: TrackParameters
-) -> pa.Table:
-    ids = np.array(parameters.objects or object_ids(detector.prototypes), object)
-    for box in np.unique(found.box):
-        if not _seen_enough(images[found.box == box], len(color), parameters):
-            kept = found.box != box
-            images, found = images[kept], found[kept]
+def _tables(
+    seen: _Seen, detector: Detector, color: Images, parameters: TrackParameters
+) -> Iterator[pa.Table]:
+    """The rows of the boxes that were seen often enough, those of some images at a time."""
+    for box in np.unique(seen.box):
+        if not _seen_enough(seen.image[seen.box == box], len(color), parameters):
+            seen = seen[seen.box != box]
+    first = np.searchsorted(seen.image, np.arange(0, len(color) + _AT_ONCE, _AT_ONCE))
+    for start, end in pairwise(first.tolist()):
+        yield _table(seen[start:end], detector, color, parameters)
+
+
+def _table(found: _Seen, detector: Detector, color: Images, parameters: TrackParameters) -> pa.Table:
+    ids, images = np.array(parameters.objects or object_ids(detector.prototypes), object), found.image
     x, y = found.rings[..., 0], found.rings[..., 1]
     area = 0.5 * np.abs((x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(1))
     names, frame = ids[found.box], np.asarray(color.frame)[images]
@@ -352,11 +376,10 @@ def _table(
     order = np.arange(len(by)) - np.repeat(marker, np.diff(np.r_[marker, len(by)]))
     # the code is read from the leftmost corner, the ring starts at the least u + v (ECAT 2018 file format §0.4)
     leftmost = from_leftmost(found.rings)[:, 0]
-    code = [
-        detector.code(box, face, first)
-        for box, face, first in zip(found.box.tolist(), found.face.tolist(), leftmost.tolist(), strict=True)
-    ]
-    size = [detector.cells(*key) for key in face_keys(found)]
+    shown = list(zip(found.box.tolist(), found.face.tolist(), leftmost.tolist(), strict=True))
+    codes = {key: detector.code(*key) for key in set(shown)}
+    code = [codes[key] for key in shown]
+    size = [detector.cells(box, face) for box, face, _ in shown]
     start = np.argmin(found.rings.sum(-1) + 1e-6 * found.rings[..., 0], axis=1)
     rings = np.take_along_axis(found.rings, ((start[:, None] + np.arange(4)) % 4)[..., None], 1)
     times = None if color.t_ns is None else np.asarray(color.t_ns)[images]

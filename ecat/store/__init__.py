@@ -13,7 +13,14 @@
 from __future__ import annotations
 
 from ecat.store.commit import Commit
-from ecat.store.integrity import Fault, adopt_edited_layers, leftovers, remove_leftovers, validate
+from ecat.store.integrity import (
+    Fault,
+    adopt_edited_layers,
+    begin_journal,
+    leftovers,
+    remove_leftovers,
+    validate,
+)
 from ecat.store.journal import HeldJournal, Journal, Place
 from ecat.store.manifest import manifest_schema, project_schema
 from ecat.store.output import staged_file, write_new_file
@@ -35,6 +42,7 @@ __all__ = [
     "TableData",
     "TableView",
     "adopt_edited_layers",
+    "begin_journal",
     "create_project",
     "create_session",
     "fill_session",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,7 +17,8 @@ from ecat.store.journal import START, Journal, Place, replacement
 from ecat.store.manifest import SESSION_FILE, dump_manifest, is_file_name, layer_file, table_file
 from ecat.store.parquet import TableData, write_table
 from ecat.store.publish import publish
-from ecat.store.transaction import NewFiles
+from ecat.store.schemes import scheme_or_default
+from ecat.store.transaction import COMMIT_FILE, NewFiles
 from ecat.store.xml import layer_to_xml
 from ecat.tables import PUBLISHED, SCHEMA_VERSION, TABLES
 
@@ -102,7 +104,9 @@ class Commit:
         old, place = journal.replay(contains.revision)
         record = replacement(place.revision + 1, old, with_relation_ids(self._layers[name]))
         if record.changes:
-            place = until_committed.enter_context(held.appended(place, record))
+            place = until_committed.enter_context(
+                held.appended(place, record, is_final=(self._new.folder / COMMIT_FILE).exists)
+            )
         mine = self._manifest.layer(name)
         if mine is not None:
             mine = replace(mine, journal_revision=place.revision, journal_bytes=place.offset)
@@ -214,7 +218,8 @@ class Commit:
         records = self._manifest.layers
         layers = [self._layers.get(record.name) or self._read_layer(record.name) for record in records]
         inputs = {record.name: record.sha256 for record in records}
-        for name, rows in publish(layers, self._manifest).items():
+        tables = publish(layers, self._manifest, partial(scheme_or_default, self._new.folder))
+        for name, rows in tables.items():
             self._put_table(name, TableData(data=rows, stage="publish", stage_version="1", inputs=inputs))
 
     def _put_table(self, name: str, table: TableData) -> None:

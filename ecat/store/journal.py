@@ -9,7 +9,7 @@ A torn last line was never acknowledged (:mod:`ecat.store.lines`).
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -205,13 +205,14 @@ class HeldJournal:
         return Place(since.revision + len(records), since.offset + len(data))
 
     @contextmanager
-    def appended(self, since: Place, record: Record) -> Generator[Place]:
-        """Append a record, and take it back if the block fails, before anybody knows of it."""
+    def appended(self, since: Place, record: Record, *, is_final: Callable[[], bool]) -> Generator[Place]:
+        """Append a record, and take it back if the block fails, before anybody knows of it; not once ``is_final``."""
         place = self.append(since, [record])
         try:
             yield place
         except BaseException:
-            self._file.truncate(since.offset)
+            if not is_final():
+                self._file.truncate(since.offset)
             raise
 
 

@@ -8,7 +8,7 @@ one image, but that of a fact that never held, which is empty.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from typing import Any
 
@@ -24,17 +24,20 @@ Row = dict[str, Any]
 
 
 def publish(
-    layers: Sequence[Layer], manifest: Manifest, scheme: CodingScheme = ECAT_2018_SCHEME
+    layers: Sequence[Layer],
+    manifest: Manifest,
+    scheme_of: Callable[[str], CodingScheme] = lambda _: ECAT_2018_SCHEME,
 ) -> dict[str, pa.Table]:
     """The published tables (:data:`ecat.tables.PUBLISHED`) of ``layers``.
 
-    ``scheme`` decides when a relation without an end stops holding; ``manifest`` gives the clock.
+    The coding scheme of a layer (``scheme_of`` its name) decides when a relation without an end stops holding;
+    ``manifest`` gives the clock.
     """
     rows: dict[str, list[Row]] = {schema.name: [] for schema in PUBLISHED}
     for layer in layers:
         _objects(layer, manifest, rows)
         _events(layer, manifest, rows)
-        rows["relations"] += _relations(layer, manifest, scheme)
+        rows["relations"] += _relations(layer, manifest, scheme_of(layer.scheme))
     return {schema.name: _table(rows[schema.name], schema) for schema in PUBLISHED}
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
 from ecat.errors import (
@@ -42,6 +43,24 @@ _STATUS: tuple[tuple[type[EcatError], int], ...] = (
     (UsageError, 400),
 )
 _MOST_PROBLEMS = 20
+
+
+class Binary(Response):
+    """Bytes, said of what is described."""
+
+    media_type = BINARY
+
+
+class Jpeg(Response):
+    """One image."""
+
+    media_type = "image/jpeg"
+
+
+class Video(FileResponse):
+    """A file that is played, in parts."""
+
+    media_type = "video/mp4"
 
 
 class ForbiddenError(EcatError):

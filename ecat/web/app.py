@@ -44,6 +44,8 @@ def application(site: Site | None = None) -> FastAPI:
         redoc_url=None,
         openapi_url=None,
         responses={code: {"model": Refusal, "description": text} for code, text in _REFUSALS.items()},
+        # what has a default may be left out, in answers too
+        separate_input_output_schemas=False,
         redirect_slashes=False,
     )
     app.state.site = site

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def write_proxy(session: Session, stream_name: str, dest: Path, tell: Tell) -> N
             media_errors(what, dest),
             av.open(str(dest), "w", format="mp4", options=_MOVE_INDEX_FIRST) as out,
         ):
-            stream = cast("VideoStream", out.add_stream("libx264", rate=RATE_HZ, options=_OPTIONS))
+            stream = out.add_stream("libx264", rate=RATE_HZ, options=_OPTIONS)
             stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
             stream.time_base = stream.codec_context.time_base = Fraction(1, RATE_HZ)
             stream.thread_count = 2

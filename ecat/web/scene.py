@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections import Counter
 from typing import Any
 
 import pyarrow as pa
 
-from ecat.errors import EcatError
 from ecat.model import Camera
 from ecat.model.prototype import BoxPrototype
 from ecat.process.inputs import session_camera
@@ -50,13 +48,11 @@ def _counted(session: Session, table: str, *columns: str) -> list[dict[str, Any]
 
 
 def describe_boxes(session: Session) -> list[dict[str, Any]]:
-    """Size and name of every object that is a known box; none where the boxes kept are damaged."""
-    with contextlib.suppress(EcatError):
-        return [
-            {"object_id": object_id, "name": box.name, "size_m": list(box.size_m)}
-            for object_id, box in boxes_of(session).items()
-        ]
-    return []
+    """Size and name of every object that is a known box."""
+    return [
+        {"object_id": object_id, "name": box.name, "size_m": list(box.size_m)}
+        for object_id, box in boxes_of(session).items()
+    ]
 
 
 def describe_bodies(session: Session) -> list[dict[str, Any]]:

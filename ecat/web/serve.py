@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import socket
 import sys
 import threading
@@ -22,6 +23,8 @@ _END_WITHIN_S = 5
 _MOST_MESSAGE_BYTES = 1 << 16
 _SWITCH_S = 0.0005
 """How long one thread of Python may keep the others waiting: a table being packed, an edit to be acknowledged."""
+_COLLECT_AFTER = 200_000, 20, 20
+"""A layer has hundreds of thousands of small objects, none of them garbage: looking for some takes most of the time."""
 
 
 class Server:
@@ -83,14 +86,8 @@ class Server:
 
     def run(self) -> None:
         """Serve until interrupted (or :meth:`end`); what was edited is saved when this returns."""
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH_S)
-        try:
-            with contextlib.suppress(KeyboardInterrupt):
-                self._server.run(sockets=[self._socket])
-        finally:
-            sys.setswitchinterval(before)
-            self._socket.close()
+        with _responsive(), contextlib.closing(self._socket), contextlib.suppress(KeyboardInterrupt):
+            self._server.run(sockets=[self._socket])
 
     def end(self) -> None:
         """Let :meth:`run` return, from whichever thread."""
@@ -110,6 +107,19 @@ class Server:
         finally:
             self.end()
             thread.join()
+
+
+@contextmanager
+def _responsive() -> Generator[None]:
+    """Settings of the interpreter under which nobody waits for long."""
+    switch, collect = sys.getswitchinterval(), gc.get_threshold()
+    sys.setswitchinterval(_SWITCH_S)
+    gc.set_threshold(*_COLLECT_AFTER)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switch)
+        gc.set_threshold(*collect)
 
 
 def is_loopback(host: str) -> bool:

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ecat.model import CodingScheme, Layer
+
 Author = Annotated[str, Field(min_length=1, max_length=200)]
 Json = dict[str, Any]
 
@@ -183,13 +185,14 @@ class SessionShape(Shape):
     streams: list[StreamShape]
     layers: list[LayerSummary]
     tables: list[str]
-    scheme: Json | None
+    scheme: CodingScheme
     schemes: list[str]
     frame_rate_median: float | None
     cameras: list[CameraShape]
     bodies: list[Body]
     boxes: list[Box]
     plane: Plane | None
+    problems: list[str]
 
 
 class ChangeShape(Shape):
@@ -227,7 +230,7 @@ class LayerAnswer(Shape):
     saved_revision: int
     can_undo: bool
     can_redo: bool
-    layer: Json
+    layer: Layer
 
 
 class HistoryAnswer(Shape):

@@ -6,15 +6,17 @@ import asyncio
 import contextlib
 import threading
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends
 from fastapi.requests import HTTPConnection
 
 from ecat.annotate import find_scheme, scheme_names
 from ecat.errors import EcatError, NotFoundError
+from ecat.model import Stream
 from ecat.model.scheme import BUILT_IN_SCHEMES
 from ecat.process.proposals import LAYER as MACHINE
 from ecat.store import Session, open_session
@@ -28,6 +30,8 @@ from ecat.web.proxies import Proxies, Proxy
 from ecat.web.security import Access
 from ecat.web.series import Curves
 from ecat.web.times import count_images, image_times_s, median_rate_hz
+
+T = TypeVar("T")
 
 POLL_S = 1.0
 """How soon what another process does to a layer is seen."""
@@ -172,20 +176,35 @@ class OpenSession:
 
 
 def _facts(session: Session) -> dict[str, Any]:
-    video = annotated_stream(session.manifest)
+    video, problems = annotated_stream(session.manifest), list[str]()
+
+    def found(look: Callable[[], T], otherwise: T) -> T:
+        # one damaged table must not keep anybody from annotating
+        try:
+            return look()
+        except EcatError as error:
+            problems.append(str(error))
+            return otherwise
+
     rate: float | None = None
     if video is not None:
-        with contextlib.suppress(EcatError):
-            rate = median_rate_hz(image_times_s(session, video))
+        rate = found(lambda: _rate_hz(session, video), None)
     return {
         "frame_rate_median": rate,
-        "layers": _counted(session),
-        "images": {stream.name: count_images(session, stream) for stream in session.manifest.streams},
+        "layers": found(lambda: _counted(session), {}),
+        "images": found(lambda: {s.name: count_images(session, s) for s in session.manifest.streams}, {}),
         "cameras": [scene.describe_camera(camera) for camera in session.manifest.cameras],
-        "bodies": scene.describe_bodies(session),
-        "boxes": scene.describe_boxes(session),
-        "plane": scene.describe_plane(session),
+        "bodies": found(lambda: scene.describe_bodies(session), []),
+        "boxes": found(lambda: scene.describe_boxes(session), []),
+        "plane": found(lambda: scene.describe_plane(session), None),
+        "problems": list(dict.fromkeys(problems)),
     }
+
+
+def _rate_hz(session: Session, video: Stream) -> float | None:
+    with contextlib.suppress(NotFoundError):
+        return median_rate_hz(image_times_s(session, video))
+    return None
 
 
 def _counted(session: Session) -> dict[str, dict[str, int]]:
@@ -198,7 +217,7 @@ def _counted(session: Session) -> dict[str, dict[str, int]]:
         rows = session.table(name, columns=columns).to_arrow()
         # a relation that is interrupted has several rows
         layers = rows["layer"] if name != "relations" else rows.group_by(columns).aggregate([])["layer"]
-        for layer, n in Counter(layers.to_pylist()).items():
+        for layer, n in Counter(map(str, layers.to_pylist())).items():
             found.setdefault(layer, dict(_NOTHING))[f"n_{name}"] = n
     return found
 
@@ -220,7 +239,7 @@ class Site:
         self.exact = ExactImages()
         self.proxies = Proxies()
         self._open: dict[str, OpenSession] = {}
-        self._looking: asyncio.Task[None] | None = None
+        self._tasks: list[asyncio.Task[None]] = []
 
     def opened(self, sid: str) -> OpenSession:
         """The session with this id.
@@ -241,12 +260,12 @@ class Site:
                 loop.call_soon_threadsafe(self._proxy_changed, key, proxy)
 
         self.proxies.changed = changed
-        self._looking = asyncio.create_task(self._look())
+        self._tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._warm_up())]
 
     async def stop(self) -> None:
         """Save what was edited, and end what is under way."""
-        if self._looking is not None:
-            self._looking.cancel()
+        for task in self._tasks:
+            task.cancel()
         for opened in self._open.values():
             await opened.close()
         await asyncio.to_thread(self.proxies.close)
@@ -257,6 +276,17 @@ class Site:
             await asyncio.sleep(POLL_S)
             for opened in list(self._open.values()):
                 await opened.look()
+
+    async def _warm_up(self) -> None:
+        """Read the only session while its page is on the way."""
+        with contextlib.suppress(EcatError):  # whoever asks is told
+            paths = self.library.find()
+            if len(paths) == 1:
+                opened = self.opened(*paths)
+                layer = await opened.first_layer(None)
+                await asyncio.to_thread(opened.facts)
+                if layer is not None:
+                    await asyncio.to_thread(layer.answer, None)
 
     def _proxy_changed(self, key: str, proxy: Proxy) -> None:
         for opened in self._open.values():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import types
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from hypothesis import strategies as st
 
-from ecat.model import CodingScheme, Layer
+from ecat.model import CodingScheme, KeyFrame, Layer
 
 _CHARACTERS = st.characters(
     exclude_categories=("Cc", "Cs"), include_characters="\t\n\r\x7f\x85", exclude_characters="\ufffe\uffff"
@@ -49,3 +49,30 @@ def instances(kind: type[Any]) -> st.SearchStrategy[Any]:
 
 LAYERS: st.SearchStrategy[Layer] = instances(Layer)
 SCHEMES: st.SearchStrategy[CodingScheme] = instances(CodingScheme)
+
+
+def distinct(layer: Layer) -> Layer:
+    """The layer with ids that nothing shares, and one key frame at a frame."""
+    return replace(
+        layer,
+        objects=tuple(
+            replace(
+                thing,
+                id=f"o{i}",
+                key_frames=_apart(thing.key_frames),
+                key_frames_3d=_apart(thing.key_frames_3d),
+            )
+            for i, thing in enumerate(layer.objects)
+        ),
+        events=tuple(replace(event, id=f"a{i}") for i, event in enumerate(layer.events)),
+        relations=tuple(replace(relation, id=f"r{i}") for i, relation in enumerate(layer.relations)),
+        decisions=tuple(replace(decision, proposal=f"p{i}") for i, decision in enumerate(layer.decisions)),
+    )
+
+
+def _apart(keys: tuple[KeyFrame, ...]) -> tuple[KeyFrame, ...]:
+    return tuple({key.frame: key for key in keys}.values())
+
+
+DISTINCT: st.SearchStrategy[Layer] = LAYERS.map(distinct)
+"""Layers whose elements can be told apart."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import urllib.request
 from collections.abc import Callable, Generator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -41,41 +42,51 @@ def _chromium() -> Path:
     return found
 
 
-@dataclass
-class Served:
-    """``ecat annotate`` of a session, which was let run."""
+@dataclass(frozen=True)
+class Running:
+    """``ecat annotate`` of a folder of sessions."""
 
-    path: Path
-    process: subprocess.Popen[str]
+    folder: Path
     address: str
     token: str
 
+    def ask(self, path: str, data: bytes | None = None) -> Any:
+        """The answer to a GET, or to a POST of ``data``."""
+        headers = {"authorization": f"Bearer {self.token}", "content-type": "application/json"}
+        request = urllib.request.Request(f"{self.address}{path}", data, headers)
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            return json.load(answer)
+
     def invite(self) -> str:
         """An address that lets one more browser in."""
-        headers = {"authorization": f"Bearer {self.token}"}
-        request = urllib.request.Request(f"{self.address}/api/invitations", b"", headers, method="POST")
-        with urllib.request.urlopen(request, timeout=10) as answer:
-            return f"{self.address}{json.load(answer)['path']}"
+        return f"{self.address}{self.ask('/api/invitations', b'')['path']}"
 
-    def stop(self) -> None:
-        """Ctrl-C: the server saves and ends."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(30) == 0, (self.process.stderr and self.process.stderr.read()) or "no message"
+
+@dataclass(frozen=True)
+class Served:
+    """One session of a running server, which nobody else touches."""
+
+    server: Running
+    path: Path
+
+    @property
+    def hash(self) -> str:
+        """Where the page shows it."""
+        return f"#/session/{self.path.name}"
+
+    def layer(self, name: str = "main") -> Layer:
+        """A layer as it is on the disk once it was saved."""
+        self.server.ask(f"/api/sessions/{self.path.name}/layers/{name}/save", b"{}")
+        return self.session().layer(name)
 
     def session(self) -> Session:
         """What is on the disk now."""
         return open_session(self.path)
 
-    def layer(self, name: str = "main") -> Layer:
-        """A layer as it is on the disk once the server has ended."""
-        self.stop()
-        return self.session().layer(name)
-
 
 @pytest.fixture(scope="session")
 def blank_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session of 200 frames or so, in which nobody has said anything but what the objects are."""
+    """A session of 170 frames or so, in which nobody has said anything but what the objects are."""
     folder = tmp_path_factory.mktemp("page") / "slide"
     draft, _ = sample_session(seed=3, actions=("next",), name="slide")
     objects: tuple[AnnotatedObject, ...] = draft.layers[0].objects
@@ -84,51 +95,41 @@ def blank_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def blank(blank_once: Path, tmp_path: Path) -> Path:
-    """A copy of it, to do anything to."""
-    return Path(shutil.copytree(blank_once, tmp_path / "slide"))
-
-
-@pytest.fixture
-def serve() -> Generator[Callable[[Path], Served]]:
-    """Start ``ecat annotate`` of a path; it is ended with the test."""
-    with ExitStack() as stack:
-
-        def start(path: Path, *options: str) -> Served:
-            command = [sys.executable, "-m", "ecat", "annotate", str(path), "--no-browser", "--json", "--port", "0"]
-            process = stack.enter_context(
-                subprocess.Popen(
-                    [*command, "--author", "ann", *options],
-                    text=True,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.PIPE,
-                )
-            )
-            stack.callback(process.kill)
+@pytest.fixture(scope="session")
+def running(blank_once: Path, tmp_path_factory: pytest.TempPathFactory) -> Generator[Running]:
+    """One server for all tests."""
+    folder = tmp_path_factory.mktemp("served")
+    shutil.copytree(blank_once, folder / "first")
+    command = [sys.executable, "-m", "ecat", "annotate", str(folder), "--no-browser", "--json", "--port", "0"]
+    with subprocess.Popen(
+        [*command, "--author", "ann"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        try:
             told = _first_json(process)
-            return Served(path, process, told["address"], told["token"])
-
-        yield start
+            yield Running(folder, told["address"], told["token"])
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0
+        finally:
+            process.kill()
 
 
 def _first_json(process: subprocess.Popen[str]) -> dict[str, Any]:
     assert process.stdout is not None
+    assert process.stderr is not None
     text = ""
     for line in process.stdout:
         text += line
-        try:
+        with suppress(ValueError):
             return cast("dict[str, Any]", json.loads(text))
-        except ValueError:
-            continue
-    assert process.stderr is not None
     pytest.fail(f"ecat annotate ended: {process.stderr.read()}")
 
 
 @pytest.fixture
-def served(blank: Path, serve: Callable[[Path], Served]) -> Served:
-    """A server of the blank session."""
-    return serve(blank)
+def served(blank_once: Path, running: Running, request: pytest.FixtureRequest) -> Served:
+    """A copy of the blank session, to do anything to."""
+    words = re.sub(r"[^A-Za-z0-9]+", "-", request.node.name)
+    name = f"{len(list(running.folder.iterdir()))}-{words[:50]}"
+    return Served(running, Path(shutil.copytree(blank_once, running.folder / name)))
 
 
 @pytest.fixture(scope="session")
@@ -178,10 +179,10 @@ class Window:
 
 @pytest.fixture
 def window(chromium: Any) -> Generator[Callable[..., Window]]:
-    """Open a window at an address, with a profile of its own."""
+    """Open a window with a session, in a profile of its own."""
     with ExitStack() as stack:
 
-        def open_(address: str, *, author: str | None = None, **options: Any) -> Window:
+        def open_(served: Served, *, author: str | None = None, **options: Any) -> Window:
             context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
             stack.callback(context.close)
             if author is not None:
@@ -191,7 +192,9 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
             made = Window(page, [])
             page.on("pageerror", lambda error: made.complaints.append(str(error)))
             page.on("console", lambda message: _note(made, message))
-            page.goto(address)
+            page.goto(served.server.invite())
+            page.goto(f"{served.server.address}/{served.hash}")
+            made.opened()
             return made
 
         yield open_
@@ -206,7 +209,6 @@ def _note(window: Window, message: Any) -> None:
 @pytest.fixture
 def annotating(served: Served, window: Callable[..., Window]) -> Generator[Window]:
     """The blank session, opened; the page may not have complained of anything in the end."""
-    made = window(served.invite())
-    made.opened()
+    made = window(served)
     yield made
     assert made.complaints == []

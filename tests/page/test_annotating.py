@@ -43,8 +43,7 @@ def test_from_nothing_to_a_confirmed_event_killed_reopened_undone_exported(
     _state_a_relation(annotating)
     # the browser is gone in the middle of it: nothing that was shown as saved may be lost
     annotating.page.context.close()
-    again = window(served.invite())
-    again.opened()
+    again = window(served)
     assert again.says("app.document.events.list.length") == 5
     assert again.says("app.document.relations.list.map(r => r.predicate)") == ["NEAR"]
     again.page.reload()

@@ -76,8 +76,7 @@ def test_each_annotator_has_a_layer_and_sees_the_others(served: Any, annotating:
     annotating.at(100)
     annotating.press("e")
     assert annotating.says("app.shownLayers.map(l => l.name)") == ["ben", "main"]
-    served.stop()
-    assert [len(served.session().layer(name).events) for name in ("main", "ben")] == [1, 1]
+    assert [len(served.layer(name).events) for name in ("main", "ben")] == [1, 1]
 
 
 def test_a_theme_can_be_chosen_and_is_remembered(annotating: Any) -> None:
@@ -129,8 +128,7 @@ def _serious(window: Any) -> list[str]:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_serious(served: Any, window: Callable[..., Any], scheme: str) -> None:
-    page = window(served.invite(), color_scheme=scheme)
-    page.opened()
+    page = window(served, color_scheme=scheme)
     page.press("e")
     assert _serious(page) == []
     page.find("tab-relations").click()

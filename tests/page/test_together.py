@@ -11,9 +11,7 @@ import pytest
 @pytest.fixture
 def both(served: Any, window: Callable[..., Any]) -> Generator[tuple[Any, Any]]:
     """Ann and Ben, who see the same layer."""
-    pair = window(served.invite(), author="ann"), window(served.invite(), author="ben")
-    for one in pair:
-        one.opened()
+    pair = window(served, author="ann"), window(served, author="ben")
     yield pair
     assert pair[0].complaints == pair[1].complaints == []
 
@@ -73,8 +71,7 @@ def test_an_edit_of_what_somebody_else_changed_shows_what_changed_and_asks(
 
 
 def test_an_edit_made_while_the_server_is_away_arrives_once_it_is_back(served: Any, window: Callable[..., Any]) -> None:
-    ann = window(served.invite())
-    ann.opened()
+    ann = window(served)
     ann.page.context.set_offline(True)
     ann.page.keyboard.press("e")
     ann.page.wait_for_function("() => window.ecat.save === 'offline'", timeout=10_000)
@@ -86,8 +83,7 @@ def test_an_edit_made_while_the_server_is_away_arrives_once_it_is_back(served: A
 
 
 def test_an_edit_whose_answer_was_lost_is_not_made_twice(served: Any, window: Callable[..., Any]) -> None:
-    ann = window(served.invite())
-    ann.opened()
+    ann = window(served)
     lost: list[str] = []
 
     def lose_the_first_answer(route: Any) -> None:

@@ -25,6 +25,8 @@ WIDTH, HEIGHT = 96, 64
 DEPTH_WIDTH, DEPTH_HEIGHT = 48, 32
 MM_PER_ROW = 20
 BITS = 8
+COLOR = Stream(name="color", kind="color", camera="color", width_px=WIDTH, height_px=HEIGHT)
+DEPTH = Stream(name="depth", kind="depth", width_px=DEPTH_WIDTH, height_px=DEPTH_HEIGHT)
 
 
 def burnt(k: int) -> NDArray[np.uint8]:
@@ -65,12 +67,9 @@ def _draft(folder: Path, name: str) -> Draft:
     with DepthWriter(depth, DEPTH_WIDTH, DEPTH_HEIGHT) as writer:
         for k in range(n // 2):
             writer.write(depth_image(k), k * 66_000_000)
-    color_size, depth_size = (
-        {"width_px": w, "height_px": h} for w, h in ((WIDTH, HEIGHT), (DEPTH_WIDTH, DEPTH_HEIGHT))
-    )
     streams = (
-        Stream(name="color", kind="color", file="media/color.mp4", camera="color", n_frames=n, **color_size),
-        Stream(name="depth", kind="depth", file="media/depth.mkv", n_frames=n // 2, **depth_size),
+        replace(COLOR, file="media/color.mp4", n_frames=n),
+        replace(DEPTH, file="media/depth.mkv", n_frames=n // 2),
         Stream(name="infrared", kind="infrared", file="media/gone.mkv"),
         Stream(name="skeleton", kind="skeleton", file="media/rig.xml"),
     )

@@ -1,7 +1,7 @@
 // What a person can do to the selected things, whichever way it was asked for: a key, a button, a menu.
 
 import { span } from "./document";
-import { enclosing, guessRoles, type Labelled, orphans, partsStart, press, pressAll, rolesField } from "./labelling";
+import { type Context, enclosing, guessRoles, type Labelled, press, pressAll, rolesField } from "./labelling";
 import { type App, MACHINE, type Selected, SPEEDS } from "./state";
 import type { EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
 
@@ -56,7 +56,7 @@ export function newSpan(app: App): [number, number] {
 export async function newEvent(app: App, type = app.settings.lastType, span: [number, number] = newSpan(app)): Promise<void> {
   const known = app.scheme.event_types.find((t) => t.name === type) ?? app.scheme.event_types[0];
   const name = type === "" ? (known?.name ?? "") : type;
-  const record = await addLabelled(app, name, known?.tier ?? app.settings.lastTier, span[0], span[1]);
+  const record = await addFound(app, name, known?.tier ?? app.settings.lastTier, span[0], span[1]);
   if (record === null) return;
   app.setMarks({ start: null, end: null });
   app.set({ lastType: name });
@@ -86,50 +86,51 @@ export async function newSubEvent(app: App): Promise<void> {
 
 /** The key of an event type was pressed. */
 export function pressLabel(app: App, type: EventType): Promise<void> {
-  const start = partsStart(app.document, app.running, type, app.scheme);
-  if (start !== null) {
-    // Its parts came first: they end here, and it is put around them.
-    const whole = { type: type.name, tier: type.tier, start };
-    const { closed } = pressAll([...app.running, whole], app.cursor.frame, app.scheme);
-    return labelled(app, { running: [], closed });
-  }
-  return labelled(app, press(app.running, type, app.cursor.frame, app.scheme));
+  return labelling(app, (frame) => press(app.running, type, frame, labelContext(app)));
 }
 
 export function closeLabels(app: App): Promise<void> {
-  return labelled(app, pressAll(app.running, app.cursor.frame, app.scheme));
+  return labelling(app, (frame) => pressAll(app.running, frame, labelContext(app)));
 }
 
-async function labelled(app: App, { running, closed }: Labelled): Promise<void> {
-  app.setRunning(running);
-  for (const { label, end } of closed) await addLabelled(app, label.type, label.tier, label.start, end);
+function labelContext(app: App): Context {
+  return { document: app.document, scheme: app.scheme, object: actedUpon(app) };
 }
 
-/** Adds an event with its parent and roles found, and gives it the sub-events that were waiting for it. */
-async function addLabelled(app: App, name: string, tier: string, start: number, end: number): Promise<RecordJson | null> {
+/** Keys may come faster than answers: each is worked out when the one before has been written. */
+let labels: Promise<void> = Promise.resolve();
+
+function labelling(app: App, work: (frame: number) => Labelled): Promise<void> {
+  const { frame } = app.cursor;
+  labels = labels.then(async () => {
+    const { operations, running, written } = work(frame);
+    if (operations.length > 0) {
+      if (app.document.scheme === "" && app.scheme.name !== "") operations.unshift({ op: "set_scheme", name: app.scheme.name });
+      const record = await attempt(app, operations);
+      if (record === null) return;
+      const added = record.changes.filter((c) => c.kind === "event" && c.before === null).map((c) => c.id);
+      if (written !== null) written.id = added[0];
+      const whole = [...added.map((id) => app.document.event(id)), ...running.map((r) => app.document.event(r.id ?? ""))].find((e) => e !== undefined);
+      const named = operations.find((o) => o.op === "edit_event")?.id;
+      selectOwn(app, "event", typeof named === "string" ? named : (whole?.id ?? null));
+    }
+    app.setRunning(running);
+  });
+  return labels;
+}
+
+/** Adds an event with its parent and roles found. */
+async function addFound(app: App, name: string, tier: string, start: number, end: number): Promise<RecordJson | null> {
   const type = app.scheme.event_types.find((t) => t.name === name);
   const parent = enclosing(app.document, tier, start, end, app.scheme);
-  const chosen = app.selection.findLast((s) => s.kind === "object")?.id ?? lastObject.get(app) ?? null;
-  const roles = guessRoles(type, parent, chosen, app.document);
-  const record = await attempt(app, {
-    op: "add_event", type: name, tier, segments: [[start, end]], parent: parent?.id ?? null, roles: rolesField(roles),
-  });
-  const id = record && addedId(record, "event");
-  if (record === null || id === null) return null;
-  const waiting = orphans(app.document, tier, start, end, app.scheme);
-  if (waiting.length > 0) await attempt(app, waiting.flatMap((event) => adoptOperations(app, event, id)));
-  selectOwn(app, "event", id);
+  const roles = guessRoles(type, parent, actedUpon(app), app.document);
+  const record = await attempt(app, { op: "add_event", type: name, tier, segments: [[start, end]], parent: parent?.id ?? null, roles: rolesField(roles) });
+  selectOwn(app, "event", record && addedId(record, "event"));
   return record;
 }
 
-function adoptOperations(app: App, event: EcatEvent, parent: string): Operation[] {
-  const type = app.scheme.event_types.find((t) => t.name === event.type);
-  const filled = new Set(event.roles.map((r) => r.name));
-  const roles = guessRoles(type, app.document.event(parent) ?? null, null, app.document);
-  return [
-    { op: "set_parent", id: event.id, parent },
-    ...Object.entries(roles).filter(([name]) => !filled.has(name)).map(([role, { target, kind }]) => ({ op: "set_role", id: event.id, role, target, kind })),
-  ];
+function actedUpon(app: App): string | null {
+  return app.selection.findLast((s) => s.kind === "object")?.id ?? lastObject.get(app) ?? null;
 }
 
 /** The object that was selected last: it stays the one acted upon while events are labelled. */

@@ -48,11 +48,15 @@ async function postJson<T>(url: string, body: unknown): Promise<T> {
 
 export class Api {
   readonly project = () => getJson<Project>(path("project"));
-  readonly session = (sid: string) => getJson<SessionInfo>(path("sessions", sid));
-  readonly layer = (sid: string, layer: string) => getJson<LayerAnswer>(path("sessions", sid, "layers", layer));
+  /** `layer`: whose coding scheme is meant. */
+  readonly session = (sid: string, layer = "") =>
+    getJson<SessionInfo>(`${path("sessions", sid)}${layer === "" ? "" : `?layer=${encodeURIComponent(layer)}`}`);
+  /** `author`: whose undo and redo are asked about. */
+  readonly layer = (sid: string, layer: string, author: string) =>
+    getJson<LayerAnswer>(`${path("sessions", sid, "layers", layer)}${author === "" ? "" : `?author=${encodeURIComponent(author)}`}`);
 
   readonly createLayer = (sid: string, layer: string, author: string) =>
-    postJson<unknown>(path("sessions", sid, "layers", layer), { author });
+    postJson<LayerAnswer>(path("sessions", sid, "layers", layer), { author });
 
   readonly operations = (sid: string, layer: string, body: { base: number; author: string; operations: Operation[] }) =>
     postJson<EditAnswer>(path("sessions", sid, "layers", layer, "operations"), body);

@@ -36,6 +36,8 @@ class ShapeCanvas {
   /** Vertices of what is being drawn, image pixels; the last one moves with the pointer. */
   private draft: Point[] | null = null;
   private queued = 0;
+  /** Whether nothing is painted. */
+  private clean = false;
   private listTimer = 0;
 
   constructor(
@@ -89,16 +91,24 @@ class ShapeCanvas {
     const { width, height } = pane.hostSize;
     const ratio = devicePixelRatio;
     const [w, hgt] = [Math.round(width * ratio), Math.round(height * ratio)];
-    if (this.canvas.width !== w || this.canvas.height !== hgt) [this.canvas.width, this.canvas.height] = [w, hgt];
+    if (this.canvas.width !== w || this.canvas.height !== hgt) {
+      [this.canvas.width, this.canvas.height] = [w, hgt];
+      this.clean = false;
+    }
+    const chosen = new Set(app.selection.filter((s) => s.kind === "object").map((s) => s.id));
+    this.rings = this.measured.rings(app.cursor.frame);
+    const skeletons = this.measured.skeletons(app.cursor.frame);
+    this.shapes = visibleShapes(app, pane.stream.name, this.preview);
+    const something = this.rings.length + skeletons.length + this.shapes.length > 0 || this.draft !== null || pane.source === "none";
+    // an empty canvas that stays empty costs nothing
+    if (!something && this.clean) return;
+    this.clean = !something;
     const context = this.canvas.getContext("2d")!;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     if (pane.source === "none") drawBlank(context, pane.image, pane.view);
-    const chosen = new Set(app.selection.filter((s) => s.kind === "object").map((s) => s.id));
-    this.rings = this.measured.rings(app.cursor.frame);
     drawRings(context, this.rings, pane.view, chosen);
-    drawSkeletons(context, this.measured.skeletons(app.cursor.frame), pane.view);
-    this.shapes = visibleShapes(app, pane.stream.name, this.preview);
+    drawSkeletons(context, skeletons, pane.view);
     const isChosen = (shape: VisibleShape) => app.selection.some((s) => s.kind === "object" && s.id === shape.object.id && s.layer === shape.layer);
     for (const shape of this.shapes) if (!isChosen(shape)) drawShape(context, shape, pane.view, false);
     for (const shape of this.shapes) if (isChosen(shape)) drawShape(context, shape, pane.view, true);

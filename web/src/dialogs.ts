@@ -10,7 +10,7 @@ export interface DialogParts {
   title: string;
   body: (Node | string)[];
   foot?: HTMLElement[];
-  size?: "narrow" | "wide-dialog";
+  size?: "narrow" | "wide-dialog" | "full-dialog";
   testId: string;
 }
 

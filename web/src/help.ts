@@ -13,7 +13,7 @@ export function openHelp(app: App): void {
     groups.push(h("section", null, h("h3", null, `Labels of ${app.scheme.name}`), typed.map((t) => line([t.key], t.name)),
       h("p.muted", null, "Press to start, press again to end; the next label of the same tier ends the one before. Held down, it ends when you let go.")));
   }
-  openDialog({ title: "Keyboard", testId: "help", size: "wide-dialog", body: [h("div.columns", null, groups)] });
+  openDialog({ title: "Keyboard", testId: "help", size: "full-dialog", body: [h("div.columns", null, groups)] });
 }
 
 function line(keys: string[], label: string): HTMLElement {

@@ -108,8 +108,11 @@ function splitter(pane: string, axis: "x" | "y"): HTMLElement {
   return bar;
 }
 
+let routes = 0;
+
 /** #/ is the project, #/session/<id> a session, #/adjudicate/<id> two of its layers, #/surveys and #/survey/<name>. */
 async function route(): Promise<void> {
+  const turn = ++routes;
   const [, view, id] = location.hash.split("?")[0]?.split("/") ?? [];
   clear();
   app.closeSession();
@@ -122,12 +125,13 @@ async function route(): Promise<void> {
   }
   root.replaceChildren(h("p.loading", { role: "status" }, "Opening the session…"));
   try {
-    await app.openSession(decodeURIComponent(id));
+    if (!(await app.openSession(decodeURIComponent(id))) || turn !== routes) return;
     document.title = `${app.session?.name ?? id} – ecat`;
     showSession(view === "adjudicate" ? createAdjudicate : createInspector);
     const frame = Number(new URLSearchParams(location.hash.split("?")[1] ?? "").get("frame"));
     if (Number.isFinite(frame) && frame > 0) app.seek(frame);
   } catch (error) {
+    if (turn !== routes) return;
     app.fail(error);
     root.replaceChildren(h("p.loading", { role: "alert" }, error instanceof Error ? error.message : "The session cannot be opened.", " ",
       h("a", { href: "#/" }, "Back to the project")));

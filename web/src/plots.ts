@@ -4,7 +4,7 @@ import "./stage.css";
 import { h } from "./dom";
 import type { App } from "./state";
 import { onTheme, palette } from "./theme";
-import { nth, withAlpha } from "./timeline/colors";
+import { nth } from "./timeline/colors";
 import { Curve, spreadOver } from "./timeline/curve";
 import { GUTTER_PX, sharedAxis } from "./timeline/shared";
 import { sized } from "./timeline/surface";
@@ -19,12 +19,20 @@ export function createPlots(host: HTMLElement, app: App): { destroy(): void } {
   return { destroy: () => plots.destroy() };
 }
 
+interface Row {
+  readonly element: HTMLElement;
+  readonly canvas: HTMLCanvasElement;
+  readonly value: HTMLElement;
+  readonly cursor: HTMLElement;
+  readonly dot: HTMLElement;
+}
+
 class Plots {
   private readonly shared: ReturnType<typeof sharedAxis>;
   private readonly curves = new Map<string, Curve | null>();
   private readonly menu = h("div.plots-menu", { role: "group", "aria-label": "Curves to show" });
   private readonly list = h("div.plots-list");
-  private readonly rows = new Map<string, { element: HTMLElement; canvas: HTMLCanvasElement; value: HTMLElement }>();
+  private readonly rows = new Map<string, Row>();
   private readonly offs: (() => void)[];
   private series: SeriesInfo[] = [];
   private open = false;
@@ -36,7 +44,7 @@ class Plots {
   ) {
     this.shared = sharedAxis(app);
     const queue = () => this.queue();
-    this.offs = [this.shared.onChange(queue), app.on("cursor", queue), onTheme(queue), app.on("settings", () => this.arrange())];
+    this.offs = [this.shared.onChange(queue), app.on("cursor", () => this.rows.forEach((row, name) => this.point(name, row))), onTheme(queue), app.on("settings", () => this.arrange())];
     const sid = app.session?.id;
     if (sid === undefined) return;
     app.api.series(sid).then((series) => {
@@ -98,9 +106,11 @@ class Plots {
     const info = this.series.find((s) => s.name === name)!;
     const canvas = h("canvas.plot-canvas", { "aria-hidden": "true", onpointerdown: (event: PointerEvent) => this.scrub(canvas, event) });
     const value = h("span.plot-value", { "data-testid": `value-${name}` });
+    const cursor = h("div.plot-cursor", { "aria-hidden": "true" });
+    const dot = h("div.plot-dot", { "aria-hidden": "true", style: `background: ${this.color(name)}` });
     const element = h("div.plot", { role: "group", "aria-label": `${info.title}, ${info.unit}` },
-      h("div.plot-name", { title: `${info.title}, ${info.unit}` }, h("span.tl-text", null, info.title), value), canvas);
-    this.rows.set(name, { element, canvas, value });
+      h("div.plot-name", { title: `${info.title}, ${info.unit}` }, h("span.tl-text", null, info.title), value), h("div.plot-room", null, canvas, cursor, dot));
+    this.rows.set(name, { element, canvas, value, cursor, dot });
     this.list.append(element);
     if (!this.curves.has(name)) void this.load(name);
   }
@@ -130,11 +140,23 @@ class Plots {
   private queue(): void {
     this.queued ||= requestAnimationFrame(() => {
       this.queued = 0;
-      for (const [name, row] of this.rows) this.paint(name, row.canvas, row.value);
+      for (const [name, row] of this.rows) {
+        this.paint(name, row.canvas);
+        this.point(name, row);
+      }
     });
   }
 
-  private paint(name: string, canvas: HTMLCanvasElement, label: HTMLElement): void {
+  private color(name: string): string {
+    return nth(this.series.findIndex((s) => s.name === name));
+  }
+
+  private height(curve: Curve): (value: number) => number {
+    const low = Math.min(0, curve.low);
+    return (value) => HEIGHT - 4 - ((value - low) / (curve.high - low || 1)) * (HEIGHT - 10);
+  }
+
+  private paint(name: string, canvas: HTMLCanvasElement): void {
     const { axis } = this.shared;
     const colors = palette();
     const context = sized(canvas, axis.width, HEIGHT);
@@ -142,32 +164,36 @@ class Plots {
     context.fillRect(0, 0, axis.width, HEIGHT);
     const curve = this.curves.get(name);
     if (!curve) return;
-    const info = this.series.find((s) => s.name === name);
-    const color = nth(this.series.findIndex((s) => s.name === name));
-    const low = Math.min(0, curve.low);
-    const y = (value: number) => HEIGHT - 4 - ((value - low) / (curve.high - low || 1)) * (HEIGHT - 10);
+    const y = this.height(curve);
     context.fillStyle = colors.line;
     context.fillRect(0, Math.round(y(0)), axis.width, 1);
     this.trace(context, curve, y);
-    context.strokeStyle = color;
+    context.strokeStyle = this.color(name);
     context.lineWidth = 1.5;
     context.lineJoin = "round";
     context.stroke();
     context.fillStyle = colors.muted;
     context.font = `10px ${colors.font}`;
     context.textBaseline = "top";
-    context.fillText(`${curve.high.toPrecision(3)} ${info?.unit ?? ""}`, 4, 2);
+    context.fillText(`${curve.high.toPrecision(3)} ${this.unit(name)}`, 4, 2);
+  }
+
+  private unit(name: string): string {
+    return this.series.find((s) => s.name === name)?.unit ?? "";
+  }
+
+  /** The value at the cursor: elements over the curve, which stays as it is. */
+  private point(name: string, { value, cursor, dot }: Row): void {
+    const { axis } = this.shared;
     const { frame } = this.app.cursor;
-    const value = curve.values[frame] ?? Number.NaN;
-    label.textContent = Number.isNaN(value) ? "–" : `${value.toFixed(3)} ${info?.unit ?? ""}`;
+    const curve = this.curves.get(name);
+    const at = curve?.values[frame] ?? Number.NaN;
+    value.textContent = Number.isNaN(at) ? "–" : `${at.toFixed(3)} ${this.unit(name)}`;
     const x = axis.x(frame);
-    context.fillStyle = withAlpha(colors.bad, 0.9);
-    context.fillRect(Math.round(x), 0, 1, HEIGHT);
-    if (Number.isNaN(value)) return;
-    context.fillStyle = color;
-    context.beginPath();
-    context.arc(x + axis.pxPerFrame / 2, y(value), 3, 0, 2 * Math.PI);
-    context.fill();
+    cursor.hidden = x < -1 || x > axis.width;
+    cursor.style.transform = `translateX(${Math.round(x)}px)`;
+    dot.hidden = cursor.hidden || Number.isNaN(at);
+    if (curve && !dot.hidden) dot.style.transform = `translate(${x + axis.pxPerFrame / 2}px, ${this.height(curve)(at)}px)`;
   }
 
   private trace(context: CanvasRenderingContext2D, curve: Curve, y: (value: number) => number): void {

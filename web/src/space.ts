@@ -43,6 +43,7 @@ class Space {
   private readonly observer: ResizeObserver;
   private faces: { object: string; points: readonly Seen[] }[] = [];
   private touched = false;
+  private light = "";
   private queued = 0;
   private textTimer = 0;
 
@@ -56,7 +57,7 @@ class Space {
     });
     const preset = (name: string, label: string, act: () => void) =>
       h("button.space-preset", {
-        type: "button", "data-testid": `view-${name}`, title: label, "aria-label": label,
+        type: "button", "data-testid": `view-${name}`, title: label,
         onclick: () => {
           this.touched = true;
           this.orbit.flipped = false;
@@ -162,6 +163,8 @@ class Space {
     const box = this.canvas.parentElement!.getBoundingClientRect();
     const [width, height] = [Math.max(1, box.width), Math.max(1, box.height - 28)];
     [orbit.width, orbit.height] = [width, height];
+    if (!scene.there && this.canvas.clientWidth === width && this.light === palette().surface) return;
+    this.light = palette().surface;
     const context = sized(this.canvas, width, height);
     const colors = palette();
     context.fillStyle = colors.surface;
@@ -169,8 +172,8 @@ class Space {
     if (!scene.there) return;
     const project = orbit.projector();
     const { frame } = app.cursor;
-    this.table(context, project, colors);
     const boxes = scene.boxes(frame);
+    this.table(context, project, colors);
     for (const [object, trail] of scene.trails(frame)) this.trail(context, project, objectColor(app, object), trail);
     const chosen = new Set(app.selection.filter((s) => s.kind === "object").map((s) => s.id));
     this.faces = [];

@@ -5,7 +5,7 @@ import { Api, ApiError, liveMessage } from "./api";
 import { type Conflict, decideConflict } from "./conflict";
 import { Document, schemeFromJson, span } from "./document";
 import type {
-  AnnotatedObject, Change, EcatEvent, EditAnswer, LayerJson, Operation, Person, Proxy, RecordJson, Relation, Scheme, SessionInfo,
+  AnnotatedObject, Change, EcatEvent, EditAnswer, LayerAnswer, LayerJson, Operation, Person, Proxy, RecordJson, Relation, Scheme, SessionInfo,
 } from "./types";
 
 export const MACHINE = "machine";
@@ -33,9 +33,12 @@ export interface Cursor {
 
 /** A label whose key has been pressed while playing and that is not closed yet. */
 export interface Running {
+  /** Empty for a whole whose parts are labelled before it. */
   type: string;
   tier: string;
   start: number;
+  /** Its event, which grows, once it is written. */
+  id?: string;
 }
 
 export interface Settings {
@@ -131,12 +134,10 @@ export class App {
   private readonly listeners = new Map<keyof AppEvents, Set<Listener<never>>>();
   private socket: WebSocket | null = null;
   private me = "";
-  /** The layer that `ecat annotate --layer` names. */
-  private suggestedLayer = "main";
+  private opening = 0;
   private queue: Promise<unknown> = Promise.resolve();
   private pending = 0;
   private connected = true;
-  private closing = false;
   private presenceTimer = 0;
   private reconnectTimer = 0;
   private readonly early = new Map<string, RecordJson[]>();
@@ -186,32 +187,39 @@ export class App {
     return times[Math.max(0, Math.min(frame, times.length - 1))] ?? null;
   }
 
-  async openSession(sid: string): Promise<void> {
+  /** Opens a session; false if another one was opened meanwhile. */
+  async openSession(sid: string): Promise<boolean> {
     this.closeSession();
-    const [session, project] = await Promise.all([this.api.session(sid), this.api.project()]);
-    this.suggestedLayer = project.layer || "main";
+    const turn = ++this.opening;
+    const project = await this.api.project();
+    const last = localStorage.getItem(`ecat.layer.${sid}`);
+    const wished = last !== null && last !== MACHINE ? last : project.layer || "main";
+    const session = await this.api.session(sid, wished);
+    const times = session.video === null ? null : await this.api.times(sid, session.video).catch(() => null);
+    if (turn !== this.opening) return false;
     if (this.settings.author === "" && project.author !== "") this.set({ author: project.author });
-    this.times = session.video === null ? null : await this.api.times(sid, session.video).catch(() => null);
-    this.session = session;
-    this.scheme = schemeFromJson(session.scheme);
     const names = session.layers.map((l) => l.name);
     const own = names.filter((n) => n !== MACHINE);
-    const last = localStorage.getItem(`ecat.layer.${sid}`);
-    this.activeLayer = last !== null && last !== MACHINE ? last : (own.length === 0 || own.includes(this.suggestedLayer) ? this.suggestedLayer : (own[0] as string));
+    this.activeLayer = own.length === 0 || own.includes(wished) || last !== null ? wished : (own[0] as string);
+    this.session = session;
+    this.scheme = schemeFromJson(session.scheme);
+    this.times = times;
     this.cursor = { frame: 0, playing: false, speed: 1, loop: null };
     const wanted = names.includes(MACHINE) ? [this.activeLayer, MACHINE] : [this.activeLayer];
     await Promise.all(wanted.map((name) => this.load(name)));
+    if (turn !== this.opening) return false;
     this.shown = wanted;
     this.connect(sid);
-    this.emit("session", session);
+    this.emit("session", this.session);
     this.emit("layers", null);
+    return true;
   }
 
   closeSession(): void {
-    this.closing = true;
-    this.socket?.close();
+    this.opening++;
+    const socket = this.socket;
     this.socket = null;
-    this.closing = false;
+    socket?.close();
     clearTimeout(this.reconnectTimer);
     this.layers.clear();
     this.early.clear();
@@ -230,7 +238,7 @@ export class App {
   /** Fetches the session's description again: streams, layers, scheme. */
   async refreshSession(): Promise<void> {
     if (this.session === null) return;
-    this.session = await this.api.session(this.session.id);
+    this.session = await this.api.session(this.session.id, this.layers.get(this.activeLayer)?.exists ? this.activeLayer : "");
     this.scheme = schemeFromJson(this.session.scheme);
     this.emit("session", this.session);
   }
@@ -283,6 +291,7 @@ export class App {
     this.select([]);
     this.emit("layers", null);
     this.presence();
+    await this.refreshSession();
   }
 
   async setShown(names: string[]): Promise<void> {
@@ -295,15 +304,22 @@ export class App {
     const session = this.session;
     if (session === null) throw new Error("No session is open.");
     try {
-      const answer = await this.api.layer(session.id, name);
-      this.layers.set(name, {
-        name, document: new Document(answer.layer), revision: answer.revision,
-        canUndo: answer.can_undo, canRedo: answer.can_redo, exists: true,
-      });
+      const answer = await this.api.layer(session.id, name, this.settings.author);
+      const layer = emptyLayer(name);
+      this.layers.set(name, layer);
+      this.put(layer, answer);
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
       this.layers.set(name, emptyLayer(name));
     }
+  }
+
+  private put(layer: LayerState, answer: LayerAnswer): void {
+    layer.document = new Document(answer.layer);
+    layer.revision = answer.revision;
+    layer.canUndo = answer.can_undo;
+    layer.canRedo = answer.can_redo;
+    layer.exists = true;
   }
 
   private async reload(name: string): Promise<void> {
@@ -322,8 +338,7 @@ export class App {
     return this.enqueue(async (sid, layer) => {
       const author = await this.author();
       if (!layer.exists) {
-        await this.api.createLayer(sid, layer.name, author);
-        layer.exists = true;
+        this.put(layer, await this.api.createLayer(sid, layer.name, author));
       }
       return this.send(sid, layer, author, list);
     });
@@ -368,21 +383,24 @@ export class App {
 
   private async send(sid: string, layer: LayerState, author: string, operations: Operation[]): Promise<EditAnswer> {
     let answerLost = false;
+    let base = layer.revision;
     for (let attempt = 0; ; attempt++) {
-      const base = layer.revision;
+      // Where an answer was lost, the edit may have been made: only an unchanged base tells.
+      if (!answerLost) base = layer.revision;
       try {
         const answer = await this.api.operations(sid, layer.name, { base, author, operations });
         this.setConnected(true);
         return answer;
       } catch (error) {
         if (!(error instanceof ApiError)) throw error;
+        this.setConnected(!error.offline);
         if (error.offline) {
           answerLost = true;
-          this.setConnected(false);
           await new Promise((resolve) => setTimeout(resolve, Math.min(5000, 250 * 2 ** attempt)));
         } else if (error.status === 409 && error.records.length > 0) {
           const conflict = decideConflict(operations, author, error.records, layer.document, answerLost);
           for (const record of error.records) this.receive(layer.name, record);
+          answerLost = false;
           if (conflict.alreadyDone !== null) return { record: conflict.alreadyDone, can_undo: true, can_redo: false };
           if (conflict.touched.length > 0 && !(await this.askConflict(conflict))) {
             throw new Error("Your change was left out; what the other person wrote is shown.");
@@ -416,6 +434,9 @@ export class App {
     layer.exists = true;
     this.pruneSelection();
     this.emit("layer", { layer: name, changes: record.changes });
+    if (name === this.activeLayer && record.changes.some((c) => c.kind === "layer" && c.before?.scheme !== c.after?.scheme)) {
+      this.refreshSession().catch((error: unknown) => this.fail(error));
+    }
     const early = this.early.get(name);
     if (early !== undefined) {
       this.early.delete(name);
@@ -440,7 +461,7 @@ export class App {
     });
     socket.addEventListener("message", (message) => this.onLive(message.data));
     socket.addEventListener("close", () => {
-      if (this.closing || this.socket !== socket) return;
+      if (this.socket !== socket) return;
       this.setConnected(false);
       this.reconnectTimer = window.setTimeout(() => this.connect(sid), 1000);
     });

@@ -49,6 +49,8 @@ class Timeline {
   private queued = 0;
   private stale = true;
   private height = 0;
+  /** The loop as it was painted. */
+  private loop: [number, number] | null = null;
 
   constructor(
     private readonly host: HTMLElement,
@@ -77,11 +79,11 @@ class Timeline {
     this.observer.observe(this.scroller);
     const queue = () => this.queue();
     this.offs = [
-      app.on("cursor", (cursor) => this.onCursor(cursor.playing)), app.on("marks", queue), app.on("running", queue), app.on("people", queue),
+      app.on("cursor", () => this.onCursor()), app.on("marks", queue), app.on("running", queue), app.on("people", queue),
       app.on("layer", ({ layer }) => this.rebuild(layer)), app.on("layers", () => this.rebuild()),
       app.on("session", () => this.rebuild()), app.on("settings", () => this.rebuild()),
       app.on("selection", (selection) => this.onSelection(selection)),
-      this.shared.onChange(queue), onTheme(queue),
+      this.shared.onChange(queue), onTheme(() => this.rebuild()),
     ];
     this.listen();
   }
@@ -97,7 +99,7 @@ class Timeline {
     const { axis } = this.shared;
     const make = (text: string, label: string, testid: string, act: () => void) =>
       h("button.tl-zoom", {
-        type: "button", "aria-label": label, title: label, "data-testid": testid,
+        type: "button", "aria-label": /\w/.test(text) ? null : label, title: label, "data-testid": testid,
         onclick: () => {
           act();
           this.shared.changed();
@@ -137,11 +139,11 @@ class Timeline {
     this.shared.changed();
   }
 
-  private onCursor(playing: boolean): void {
+  private onCursor(): void {
     // while a bar is in the hand, the lanes stay where they are
     if (this.drag === null && this.shared.axis.reveal(this.app.cursor.frame)) this.shared.changed();
-    else if (playing && this.app.running.length === 0) this.placeCursor();
-    else this.queue();
+    else if (this.app.running.length > 0 || this.app.cursor.loop !== this.loop) this.queue();
+    else this.placeCursor();
   }
 
   private onSelection(selection: readonly Selected[]): void {
@@ -186,6 +188,7 @@ class Timeline {
   private paint(): void {
     const { app, rows, height } = this;
     const { axis } = this.shared;
+    this.loop = app.cursor.loop;
     this.refresh();
     this.spacer.style.height = `${Math.max(0, rows.height - height)}px`;
     const top = this.scroller.scrollTop;
@@ -243,6 +246,7 @@ class Timeline {
     const x = axis.x(this.app.cursor.frame);
     this.line.hidden = x < -1 || x > axis.width;
     this.line.style.transform = `translateX(${Math.round(GUTTER_PX + x)}px)`;
+    this.overview.placeCursor();
   }
 
   private placeVerdict(top: number): void {

@@ -5,7 +5,7 @@ import { closing, openDialog } from "./dialogs";
 import { h } from "./dom";
 import type { App } from "./state";
 
-const EXISTING = { add: "add them to what is there", skip: "skip windows that are there already", replace: "replace events with the same span", clear: "remove all events first" };
+const EXISTING = { add: "add them to what is there", skip: "skip windows that are there already", replace: "replace events with the same span", clear: "remove all events of the tier first" };
 
 export function openWindows(app: App): void {
   const number = (name: string, value: number, least: number): HTMLInputElement =>
@@ -13,6 +13,7 @@ export function openWindows(app: App): void {
   const text = (name: string, list = ""): HTMLInputElement =>
     h("input.input", { type: "text", id: `windows-${name}`, list: list || null, "data-testid": `windows-${name}` });
   const fields = { start: number("start", 0, 0), step: number("step", 20, 1), duration: number("duration", 20, 1), type: text("type", "windows-types"), tier: text("tier"), text: text("text") };
+  fields.tier.value = app.scheme.tiers[0]?.name ?? "";
   const existing = h("select.input", { id: "windows-existing", "data-testid": "windows-existing" }, Object.entries(EXISTING).map(([v, t]) => h("option", { value: v }, t)));
   const count = h("p.muted", { role: "status" });
   const plan = (): { start: number; step: number; duration: number; n: number } => {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Document, schemeFromJson } from "../src/document";
-import { guessRoles, partsStart, press, pressAll } from "../src/labelling";
+import { guessRoles, press, pressAll } from "../src/labelling";
 import type { Running } from "../src/state";
 import type { EventType } from "../src/types";
 
@@ -9,42 +9,58 @@ const scheme = schemeFromJson({
   tiers: [{ name: "event", parent: null, constraint: "none" }, { name: "sub-event", parent: "event", constraint: "included_in" }],
   event_types: [
     { name: "slide", tier: "event", roles: [{ name: "Agent" }, { name: "Theme", required: true }] },
-    { name: "grasp", tier: "sub-event" }, { name: "move", tier: "sub-event" },
+    { name: "grasp", tier: "sub-event" }, { name: "move", tier: "sub-event" }, { name: "look", tier: "" },
   ] as unknown as EventType[],
 });
-const [slide, grasp, move] = scheme.event_types as [EventType, EventType, EventType];
+const [slide, grasp, move, look] = scheme.event_types as [EventType, EventType, EventType, EventType];
+const event = (id: string, start: number, end: number, more: object = {}) =>
+  ({ id, tier: "event", segments: [{ start_frame: start, end_frame: end, start_ns: null, end_ns: null }], ...more });
+const context = (...events: object[]) => ({ document: new Document({ name: "main", events }), scheme, object: null });
+const running = (type: string, tier: string, start: number, id?: string): Running => ({ type, tier, start, ...(id === undefined ? {} : { id }) });
+const brief = (operations: { op: string; type?: unknown; segments?: unknown; frame?: unknown }[]) => operations.map((o) => [o.op, o.type ?? o.frame, o.segments]);
 
 describe("labelling while playing", () => {
   it("starts with a key and ends with the same key", () => {
-    const first = press([], grasp, 10, scheme);
-    expect(first).toEqual({ running: [{ type: "grasp", tier: "sub-event", start: 10 }], closed: [] });
-    const second = press(first.running, grasp, 30, scheme);
+    const first = press([], look, 10, context());
+    expect(first.running).toEqual([running("look", "", 10)]);
+    expect(first.operations).toEqual([]);
+    const second = press(first.running, look, 30, context());
     expect(second.running).toEqual([]);
-    expect(second.closed).toEqual([{ label: first.running[0], end: 30 }]);
+    expect(brief(second.operations)).toEqual([["add_event", "look", [[10, 30]]]]);
   });
 
-  it("ends a label when the next one of its tier begins, and leaves the tier above running", () => {
-    const running = press(press([], slide, 0, scheme).running, grasp, 5, scheme).running;
-    const next = press(running, move, 20, scheme);
-    expect(next.closed).toEqual([{ label: { type: "grasp", tier: "sub-event", start: 5 }, end: 20 }]);
-    expect(next.running.map((r) => r.type)).toEqual(["slide", "move"]);
+  it("writes a running whole with its first part, and lets it grow with the next", () => {
+    const labels = press(press([], slide, 0, context()).running, grasp, 5, context()).running;
+    const next = press(labels, move, 20, context());
+    expect(brief(next.operations)).toEqual([["add_event", "slide", [[0, 20]]], ["add_event", "grasp", [[5, 20]]]]);
+    expect(next.written?.type).toBe("slide");
+    if (next.written) next.written.id = "a1";
+    const last = press(next.running, slide, 40, context(event("a1", 0, 20, { type: "slide" })));
+    expect(brief(last.operations)).toEqual([["move_edge", 40, undefined], ["add_event", "move", [[20, 40]]]]);
+    expect(last.running).toEqual([]);
   });
 
-  it("ends an event together with its running sub-event, the event first", () => {
-    const running = press(press([], slide, 0, scheme).running, grasp, 5, scheme).running;
-    expect(press(running, slide, 40, scheme).closed.map((c) => c.label.type)).toEqual(["slide", "grasp"]);
+  it("gives parts that come first a whole without a name, which gets its name last", () => {
+    const first = press([running("grasp", "sub-event", 10)], move, 20, context());
+    expect(brief(first.operations)).toEqual([["add_event", "", [[10, 20]]], ["add_event", "grasp", [[10, 20]]]]);
+    if (first.written) first.written.id = "a1";
+    const last = press(first.running, slide, 30, context(event("a1", 10, 20)));
+    expect(brief(last.operations)).toEqual([["move_edge", 30, undefined], ["add_event", "move", [[20, 30]]], ["edit_event", "slide", undefined]]);
+  });
+
+  it("begins another whole where parts do not follow one another", () => {
+    const labels = [running("", "event", 10, "a1")];
+    const later = press(labels, grasp, 50, context(event("a1", 10, 20)));
+    expect(later.running).toEqual([running("grasp", "sub-event", 50)]);
+  });
+
+  it("needs no whole of its own inside an event that is there", () => {
+    const ended = press([running("grasp", "sub-event", 10)], grasp, 20, context(event("a7", 0, 90)));
+    expect(ended.operations).toMatchObject([{ op: "add_event", type: "grasp", parent: "a7" }]);
   });
 
   it("writes nothing for a label without length", () => {
-    const running: Running[] = [{ type: "grasp", tier: "sub-event", start: 7 }];
-    expect(pressAll(running, 7, scheme)).toEqual({ running: [], closed: [] });
-  });
-
-  it("puts an event around parts that were labelled before it, as far as they follow one another", () => {
-    const part = (id: string, start: number, end: number) => ({ id, tier: "sub-event", segments: [{ start_frame: start, end_frame: end, start_ns: null, end_ns: null }] });
-    const document = new Document({ name: "main", events: [part("a1", 0, 4), part("a2", 10, 20), part("a3", 20, 30)] });
-    expect(partsStart(document, [{ type: "move", tier: "sub-event", start: 30 }], slide, scheme)).toBe(10);
-    expect(partsStart(document, [], slide, scheme)).toBeNull();
+    expect(pressAll([running("grasp", "sub-event", 7)], 7, context())).toMatchObject({ operations: [], running: [] });
   });
 });
 

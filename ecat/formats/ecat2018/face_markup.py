@@ -60,7 +60,7 @@ class Run:
     """Markers that follow each other.
 
     Per marker its ``frames``, ``sizes`` (cells along a side, 0 if unknown) and ``counts`` (number of faces),
-    int32; per face the texts of its ``corners`` and its ``codes``, binary, each different one stored once, where a
+    int32; per face the texts of its ``corners`` and its ``codes``, dictionaries of binary, where a
     marker without faces has one empty text in each. ``line(i)`` is the line of face ``i`` of the run, found only
     when an error needs it.
     """
@@ -69,8 +69,8 @@ class Run:
     frames: NDArray[np.int32]
     sizes: NDArray[np.int32]
     counts: NDArray[np.int32]
-    corners: pa.DictionaryArray[Any, Any]
-    codes: pa.DictionaryArray[Any, Any]
+    corners: pa.Array[Any]
+    codes: pa.Array[Any]
 
 
 def join_runs(runs: Sequence[Run]) -> Run:
@@ -172,7 +172,7 @@ class _Tags:
                 numbers[rows] = digits @ (10 ** np.arange(n - 1, -1, -1, dtype=np.int32))
         return numbers
 
-    def contents(self, kind: int) -> pa.DictionaryArray[Any, Any]:
+    def contents(self, kind: int) -> pa.Array[Any]:
         """The text behind each tag of a kind."""
         found = np.flatnonzero(self.kinds == kind)
         starts, ends = self.at[found] + len(_TAGS[kind]), self.at[found + 1]

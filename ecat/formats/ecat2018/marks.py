@@ -99,9 +99,8 @@ class _Texts:
     index: NDArray[np.int32]
 
     @classmethod
-    def of(cls, texts: pa.Array[Any]) -> _Texts:
-        found: Any = texts.dictionary_encode()
-        return cls(found.dictionary.to_pylist(), found.indices.to_numpy())
+    def of(cls, texts: Any) -> _Texts:
+        return cls(texts.dictionary.to_pylist(), texts.indices.to_numpy())
 
     def __getitem__(self, i: int) -> bytes:
         return self.distinct[self.index[i]]

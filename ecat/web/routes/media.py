@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import FileResponse
 
 from ecat.errors import NotFoundError
-from ecat.web.answers import BINARY, error_answer, json_answer, packed_answer
+from ecat.web.answers import BINARY, Binary, Jpeg, Video, error_answer, json_answer, packed_answer
 from ecat.web.shapes import DepthAnswer
 from ecat.web.site import TheSession
 from ecat.web.times import image_times_s
@@ -17,7 +16,7 @@ router = APIRouter(prefix="/api/sessions/{sid}", tags=["media"])
 REVALIDATED = {"cache-control": "private, no-cache"}
 
 
-@router.get("/times/{stream}", response_class=Response)
+@router.get("/times/{stream}", response_class=Binary)
 def times(opened: TheSession, stream: str, request: Request) -> Response:
     """Seconds since the session's start, float64, one for each image of the stream."""
     session = opened.session
@@ -25,7 +24,7 @@ def times(opened: TheSession, stream: str, request: Request) -> Response:
     return packed_answer(request, seconds.tobytes(), BINARY)
 
 
-@router.get("/media/{stream}", response_class=FileResponse)
+@router.get("/media/{stream}", response_class=Video)
 def media(opened: TheSession, stream: str, request: Request) -> Response:
     """The video to play; it begins to be made if it is not there."""
     proxy = opened.site.proxies.get(opened.session, stream)
@@ -44,14 +43,13 @@ def media(opened: TheSession, stream: str, request: Request) -> Response:
     tag = f'"{stat.st_ino:x}-{stat.st_size:x}-{stat.st_mtime_ns:x}"'
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag, **REVALIDATED})
-    kind = "video/mp4"
-    return FileResponse(proxy.path, media_type=kind, stat_result=stat, headers={"etag": tag, **REVALIDATED})
+    return Video(proxy.path, stat_result=stat, headers={"etag": tag, **REVALIDATED})
 
 
-@router.get("/frames/{stream}/{frame}.jpg", response_class=Response)
+@router.get("/frames/{stream}/{frame}.jpg", response_class=Jpeg)
 def frame(opened: TheSession, stream: str, frame: int) -> Response:
     """Image ``frame`` of the stream, exactly, as a JPEG."""
-    return Response(opened.site.exact.jpeg(opened.session, stream, frame), media_type="image/jpeg")
+    return Jpeg(opened.site.exact.jpeg(opened.session, stream, frame))
 
 
 @router.get("/depth/{stream}/{frame}", response_model=DepthAnswer)

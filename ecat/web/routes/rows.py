@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from ecat.errors import UsageError
 from ecat.tables import TABLES
-from ecat.web.answers import BINARY, json_answer, packed_answer
+from ecat.web.answers import BINARY, Binary, json_answer, packed_answer
 from ecat.web.binary import columns_of, pack, wanted
 from ecat.web.shapes import SeriesShape
 from ecat.web.site import TheSession
@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/sessions/{sid}", tags=["rows"])
 Frame = Annotated[int | None, Query(ge=-(2**31), lt=2**31)]
 
 
-@router.get("/columns/{table}", response_class=Response)
+@router.get("/columns/{table}", response_class=Binary)
 def columns(  # noqa: PLR0917 - FastAPI calls it by names
     opened: TheSession,
     table: str,
@@ -57,7 +57,7 @@ def series(opened: TheSession) -> Response:
     return json_answer(opened.curves().describe())
 
 
-@router.get("/series/{name}", response_class=Response)
+@router.get("/series/{name}", response_class=Binary)
 def curve(opened: TheSession, name: str, request: Request) -> Response:
     """A curve: columns ``frame`` and ``value``, where it is known."""
     return packed_answer(request, pack(opened.curves().columns(name)), BINARY)

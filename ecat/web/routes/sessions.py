@@ -70,5 +70,8 @@ def _described(opened: OpenSession, shared: SharedLayer | None) -> dict[str, Any
         "tables": [record.name for record in manifest.tables],
         "scheme": opened.describe_scheme(shared),
         "schemes": scheme_names(opened.session),
-        **{name: facts[name] for name in ("frame_rate_median", "cameras", "bodies", "boxes", "plane")},
+        **{
+            name: facts[name]
+            for name in ("frame_rate_median", "cameras", "bodies", "boxes", "plane", "problems")
+        },
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -39,6 +41,8 @@ def test_every_face_has_its_texts(dimensions: int, corners: str) -> None:
     assert run.counts.tolist() == [1, 2]
     assert run.corners.to_pylist() == [c.encode() for c in (corners, corners, corners.replace("1", "2"))]
     assert run.codes.to_pylist() == [CODE.encode()] * 3
+    distinct: Any = run.codes
+    assert distinct.dictionary.to_pylist() == [CODE.encode()]
 
 
 @pytest.mark.parametrize(
@@ -73,7 +77,7 @@ def test_joined_runs_know_the_lines_of_all() -> None:
     def run(line: int, frames: list[int], counts: list[int]) -> Run:
         n = sum(counts)
         numbers = (np.array(found, np.int32) for found in (frames, [5] * len(frames), counts))
-        texts = pa.array([b"%d" % line] * n, pa.binary())
+        texts = pa.array([b"%d" % line] * n, pa.binary()).dictionary_encode()
         frame, size, count = numbers
         return Run(lambda i: line + i, frame, size, count, texts, texts)
 

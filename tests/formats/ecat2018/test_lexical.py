@@ -6,6 +6,8 @@ import re
 from math import inf, nan
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,6 +66,15 @@ class TestNumbers:
     )
     def test_other_ways_to_write_a_number_are_unusual(self, said: str) -> None:
         assert not USUAL.match(said)
+
+    @given(st.lists(st.text("0123456789.-E∞,", max_size=9), min_size=1, max_size=3))
+    def test_lines_are_usual_if_each_of_them_is(self, lines: list[str]) -> None:
+        found = pc.match_substring_regex(pa.array(["\n".join(lines).encode()]), lexical.USUAL_LINES)
+        assert found.to_pylist() == [all(USUAL.match(line) for line in lines)]
+
+    def test_lines_with_what_is_missing_are_usual(self) -> None:
+        found = pc.match_substring_regex(pa.array(["1,-∞\n∞,-0.5".encode()]), lexical.USUAL_LINES)
+        assert found.to_pylist() == [True]
 
 
 class TestCodes:

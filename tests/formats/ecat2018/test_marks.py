@@ -26,8 +26,8 @@ def run(corners: Sequence[str], codes: Sequence[str] = (), frames: Sequence[int]
         np.array(frames or range(n), np.int32),
         np.full(n, size, np.int32),
         np.ones(n, np.int32),
-        pa.array([text.encode() for text in corners], pa.binary()),
-        pa.array([text.encode() for text in codes], pa.binary()),
+        pa.array([text.encode() for text in corners], pa.binary()).dictionary_encode(),
+        pa.array([text.encode() for text in codes], pa.binary()).dictionary_encode(),
     )
 
 
@@ -165,8 +165,8 @@ def marker_run(*markers: tuple[int, int]) -> Run:
         np.array([frame for frame, _ in markers], np.int32),
         np.full(len(markers), 5, np.int32),
         np.array([count for _, count in markers], np.int32),
-        pa.array([CORNERS.encode() if full else b"" for full in filled], pa.binary()),
-        pa.array([CODE.encode() if full else b"" for full in filled], pa.binary()),
+        pa.array([CORNERS.encode() if full else b"" for full in filled], pa.binary()).dictionary_encode(),
+        pa.array([CODE.encode() if full else b"" for full in filled], pa.binary()).dictionary_encode(),
     )
 
 

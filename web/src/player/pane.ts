@@ -64,6 +64,7 @@ export class Pane {
     this.listen();
     if (stream.present) this.useProxy(stream.proxy);
     else this.say("The video is not in this session: shapes are shown on an empty image.");
+    this.mark();
     this.place();
   }
 

@@ -51,11 +51,14 @@ const UPRIGHT: Rigid = { rotation: [-Math.SQRT1_2, 0, 0, Math.SQRT1_2], translat
 const UNKNOWN_SIZE: Vector = [0.03, 0.03, 0.03];
 const TRAIL_S = 2;
 const FRUSTUM_M = 0.18;
+const MARGIN_M = 0.2;
 
 export class Scene {
   readonly tableFromCamera: Rigid;
-  /** The table's edge; empty where it is not known. */
-  readonly outline: readonly Vector[];
+  /** The table's edge where it was seen. */
+  private readonly seen: readonly Vector[];
+  /** What boxes were ever met, in the table's plane: least and largest x and y. */
+  private reach: [number, number, number, number] | null = null;
   readonly eye: Eye | null;
   private readonly poses: Chunks;
   private readonly joints: Chunks;
@@ -68,7 +71,7 @@ export class Scene {
     const described = (app.session ?? {}) as Described;
     const plane = described.plane ?? null;
     this.tableFromCamera = plane ? inverted({ rotation: plane.rotation, translation: plane.origin }) : UPRIGHT;
-    this.outline = (plane?.outline ?? []).map((p) => apply(this.tableFromCamera, p));
+    this.seen = (plane?.outline ?? []).map((p) => apply(this.tableFromCamera, p));
     const tables = app.session?.tables ?? [];
     const poses = tables.includes("poses_smooth") ? "poses_smooth" : "poses";
     this.poses = new Chunks(app, poses, ["object_id", "x", "y", "z", "qx", "qy", "qz", "qw", "source", "support"], onLoaded);
@@ -79,7 +82,20 @@ export class Scene {
   }
 
   get there(): boolean {
-    return this.poses.there || this.joints.there || this.outline.length > 0;
+    return this.poses.there || this.joints.there || this.seen.length > 0;
+  }
+
+  /** The table's edge; a rectangle around all that stood on it, where nobody saw the edge. */
+  get outline(): readonly Vector[] {
+    if (this.seen.length > 2) return this.seen;
+    if (this.reach === null) return [];
+    const [x0, y0, x1, y1] = this.reach;
+    return [[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]];
+  }
+
+  private meet([x, y]: Vector): void {
+    const r = this.reach ?? [x - MARGIN_M, y - MARGIN_M, x + MARGIN_M, y + MARGIN_M];
+    this.reach = [Math.min(r[0], x - MARGIN_M), Math.min(r[1], y - MARGIN_M), Math.max(r[2], x + MARGIN_M), Math.max(r[3], y + MARGIN_M)];
   }
 
   private frustum(camera: CameraInfo): Eye {
@@ -100,6 +116,7 @@ export class Scene {
       const at: Vector = [n("x"), n("y"), n("z")];
       const rotation: Quaternion = [n("qx"), n("qy"), n("qz"), n("qw")];
       if (!finite(at) || !finite(rotation)) continue;
+      this.meet(at);
       const object = textAt(rows.table, "object_id", row);
       const known = this.sizes.get(object);
       const state = textAt(rows.table, "source", row) === "interpolated" ? "interpolated" : textAt(rows.table, "support", row) === "free" ? "free" : "table";
@@ -148,8 +165,9 @@ export class Scene {
 
   /** Where to look at first: the middle of the table or of what stands there, and how far it reaches. */
   middle(): { at: Vector; radius: number } {
-    const points = this.outline.length ? [...this.outline] : this.boxes(this.app.cursor.frame).map((box) => box.pose.translation);
-    if (!this.outline.length) for (const body of this.bodies(this.app.cursor.frame)) points.push(...body.joints.values());
+    this.boxes(this.app.cursor.frame);
+    const points: Vector[] = [...this.outline];
+    if (!points.length) for (const body of this.bodies(this.app.cursor.frame)) points.push(...body.joints.values());
     if (!points.length) return { at: [0, 0, 0], radius: 0.7 };
     const at = times(points.reduce((a, b) => add(a, b), [0, 0, 0] as Vector), 1 / points.length);
     const radius = Math.max(0.3, ...points.map((p) => Math.hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2])));

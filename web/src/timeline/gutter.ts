@@ -7,7 +7,7 @@ import type { Rows } from "./rows";
 
 export class Gutter {
   readonly element = h("div.tl-gutter");
-  private readonly known = new Map<string, { row: Row; element: HTMLElement }>();
+  private readonly known = new Map<string, { signature: string; element: HTMLElement }>();
 
   constructor(
     private readonly app: App,
@@ -22,9 +22,10 @@ export class Gutter {
       const row = rows.rows[i]!;
       seen.add(row.key);
       let known = this.known.get(row.key);
-      if (known?.row !== row) {
+      const signature = signatureOf(row);
+      if (known?.signature !== signature) {
         known?.element.remove();
-        known = { row, element: this.make(row) };
+        known = { signature, element: this.make(row) };
         this.known.set(row.key, known);
         this.element.append(known.element);
       }
@@ -55,4 +56,10 @@ export class Gutter {
       }, h("span.swatch", { style: `background: ${row.object.color.slice(0, 7)}` }), h("span.tl-text", null, row.label));
     return h("div.tl-name", { style, title: row.label }, h("span.tl-text", null, row.label));
   }
+}
+
+/** What a name looks like: it is made anew only when that changes. */
+function signatureOf(row: Row): string {
+  const more = row.kind === "group" ? `${row.count} ${row.collapsed}` : row.kind === "object" ? row.object.color : "";
+  return `${row.label}|${row.depth}|${more}`;
 }

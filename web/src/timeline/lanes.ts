@@ -40,6 +40,8 @@ export interface BarRow extends RowBase {
   /** Whether new events may be drawn here. */
   readonly editable: boolean;
   readonly bars: Intervals<Bar>;
+  /** Whether any event here has several segments. */
+  readonly broken: boolean;
 }
 export interface ObjectRow extends RowBase {
   readonly kind: "object";
@@ -55,6 +57,12 @@ export type Row = GroupRow | BarRow | ObjectRow | PlotRow;
 
 export const HEIGHT = { group: 22, bars: 22, object: 20, plot: 52 } as const;
 
+/** What was made of a layer before: an edit touches one lane of many, the others stay as they are. */
+export class LaneCache {
+  readonly bars = new WeakMap<EcatEvent, readonly Bar[]>();
+  readonly groups = new Map<string, { readonly events: readonly EcatEvent[]; readonly rows: readonly Row[] }>();
+}
+
 export interface LaneSource {
   readonly document: Document;
   readonly scheme: Scheme;
@@ -65,32 +73,33 @@ export interface LaneSource {
   /** Ids (with their layer) that were decided about already. */
   readonly decided: ReadonlySet<string>;
   readonly collapsed: ReadonlySet<string>;
+  readonly cache: LaneCache;
 }
 
-export function lanes(source: LaneSource): Row[] {
+export type Section = "events" | "objects" | "relations";
+
+/** The lanes of a layer, by section: those of all layers stand side by side. */
+export function lanes(source: LaneSource): Record<Section, Row[]> {
   const { document, proposals } = source;
   const layer = document.name;
-  const rows: Row[] = [];
-  const group = (name: string, label: string, count: number, inner: () => Row[]) => {
-    const key = `${layer}/${name}`;
+  const group = (section: Section, label: string, count: number, inner: () => Row[]): Row[] => {
+    const key = `${layer}/${section}`;
     const collapsed = source.collapsed.has(key);
-    rows.push({ kind: "group", key, label, layer, count, collapsed, depth: 0, height: HEIGHT.group });
-    if (!collapsed) rows.push(...inner());
+    const head: Row = { kind: "group", key, label: proposals ? label : `${label} · ${layer}`, layer, count, collapsed, depth: 0, height: HEIGHT.group };
+    return collapsed ? [head] : [head, ...inner()];
   };
   const open = <T extends { id: string }>(list: readonly T[]) =>
     proposals ? list.filter((item) => !source.decided.has(`${layer}/${item.id}`)) : list;
   const events = open(document.events.list);
   const relations = open(document.relations.list);
-  const title = proposals ? "Proposals" : "Events";
-  if (events.length || !proposals) group("events", `${title} · ${layer}`, events.length, () => eventRows(source, events));
-  if (relations.length)
-    group("relations", `${proposals ? "Proposed relations" : "Relations"} · ${layer}`, relations.length, () =>
-      relationRows(source, relations),
-    );
-  const objects = document.objects.list;
-  if (objects.length && !proposals)
-    group("objects", `Objects · ${layer}`, objects.length, () => objectRows(layer, objects, document.relations.list));
-  return rows;
+  const objects = proposals ? [] : document.objects.list;
+  return {
+    events: events.length || !proposals ? group("events", proposals ? "Proposed" : "Events", events.length, () => eventRows(source, events)) : [],
+    objects: objects.length ? group("objects", "Objects", objects.length, () => objectRows(layer, objects, document.relations.list)) : [],
+    relations: relations.length
+      ? group("relations", proposals ? "Proposed relations" : "Relations", relations.length, () => relationRows(source, relations))
+      : [],
+  };
 }
 
 // --- events
@@ -110,25 +119,13 @@ function tierOrder(scheme: Scheme, used: Iterable<string>): Map<string, number> 
   return order;
 }
 
-interface Place {
-  readonly tier: string;
-  readonly depth: number;
-}
-
-function places(document: Document, events: readonly EcatEvent[]): Map<string, Place> {
-  const found = new Map<string, Place>();
-  const place = (event: EcatEvent, guard: number): Place => {
-    const known = found.get(event.id);
-    if (known) return known;
-    const parent = event.parent !== null && guard < 32 ? document.event(event.parent) : undefined;
-    const above = parent && place(parent, guard + 1);
-    const tier = event.tier || above?.tier || "";
-    const made = { tier, depth: above && above.tier === tier ? above.depth + 1 : 0 };
-    found.set(event.id, made);
-    return made;
-  };
-  for (const event of events) place(event, 0);
-  return found;
+/** The tier of an event, which may be its parent's, and how deep it lies in it. */
+function place(document: Document, event: EcatEvent, guard = 0): { tier: string; depth: number } {
+  const parent = event.parent !== null && guard < 32 ? document.event(event.parent) : undefined;
+  if (parent === undefined) return { tier: event.tier, depth: 0 };
+  const above = place(document, parent, guard + 1);
+  const tier = event.tier || above.tier;
+  return { tier, depth: above.tier === tier ? above.depth + 1 : 0 };
 }
 
 export function eventColor(type: string, types: ReadonlyMap<string, EventType>): string {
@@ -143,11 +140,10 @@ export function eventLabel(event: EcatEvent): string {
 function eventRows(source: LaneSource, events: readonly EcatEvent[]): Row[] {
   const { document, scheme } = source;
   const types = new Map(scheme.event_types.map((type) => [type.name, type]));
-  const where = places(document, events);
   const groups = new Map<string, Map<number, EcatEvent[]>>();
   for (const event of events) {
     if (!event.segments.length) continue;
-    const { tier, depth } = where.get(event.id)!;
+    const { tier, depth } = place(document, event);
     let depths = groups.get(tier);
     if (!depths) groups.set(tier, (depths = new Map()));
     const list = depths.get(depth);
@@ -174,41 +170,50 @@ function eventLanes(
   depth: number,
   events: readonly EcatEvent[],
   types: ReadonlyMap<string, EventType>,
-): Row[] {
-  const hulls = events.map((event) => hull(event));
-  const lane = spread(hulls);
+): readonly Row[] {
+  const { cache, document, proposals } = source;
+  const group = `${tier}/${depth}/${indent}/${source.active}`;
+  const known = cache.groups.get(group);
+  if (known?.events.length === events.length && known.events.every((event, i) => event === events[i])) return known.rows;
+  const lane = spread(events.map(hull));
   const bars: Bar[][] = [[]];
-  events.forEach((event, i) => {
-    const list = (bars[lane[i]!] ??= []);
-    event.segments.forEach((segment, k) =>
-      list.push({
-        id: event.id,
-        what: "event",
-        start: segment.start_frame,
-        end: Math.max(segment.end_frame, segment.start_frame + 1),
-        label: eventLabel(event),
-        color: eventColor(event.type, types),
-        segment: k,
-        segments: event.segments.length,
-        hollow: source.proposals || event.status === "proposed",
-        unsure: event.unsure,
-        denied: false,
-      }),
-    );
-  });
-  const name = tier || "events";
-  return bars.map((list, i) => ({
+  events.forEach((event, i) => (bars[lane[i]!] ??= []).push(...eventBars(source, event, types)));
+  const rows = bars.map((list, i): Row => ({
     kind: "bars",
-    key: `${source.document.name}/events/${tier}/${depth}/${i}`,
-    label: i ? "" : depth ? "parts" : name,
+    key: `${document.name}/events/${tier}/${depth}/${i}`,
+    label: i ? "" : depth ? "parts" : tier || "events",
     depth: indent + depth,
     height: HEIGHT.bars,
-    layer: source.document.name,
+    layer: document.name,
     tier,
-    proposals: source.proposals,
-    editable: source.active && !source.proposals && depth === 0,
+    proposals,
+    editable: source.active && !proposals && depth === 0,
     bars: new Intervals(list),
+    broken: list.some((bar) => bar.segments > 1),
   }));
+  cache.groups.set(group, { events, rows });
+  return rows;
+}
+
+function eventBars(source: LaneSource, event: EcatEvent, types: ReadonlyMap<string, EventType>): readonly Bar[] {
+  let bars = source.cache.bars.get(event);
+  if (bars === undefined) {
+    bars = event.segments.map((segment, k) => ({
+      id: event.id,
+      what: "event",
+      start: segment.start_frame,
+      end: Math.max(segment.end_frame, segment.start_frame + 1),
+      label: eventLabel(event),
+      color: eventColor(event.type, types),
+      segment: k,
+      segments: event.segments.length,
+      hollow: source.proposals || event.status === "proposed",
+      unsure: event.unsure,
+      denied: false,
+    }));
+    source.cache.bars.set(event, bars);
+  }
+  return bars;
 }
 
 function hull(event: EcatEvent): Interval {
@@ -249,6 +254,7 @@ function relationRows(source: LaneSource, relations: readonly Relation[]): Row[]
         proposals: source.proposals,
         editable: false,
         bars: new Intervals(part),
+        broken: false,
       }),
     );
   }

@@ -12,11 +12,14 @@ const HEIGHT = 18;
 const GRIP_PX = 6;
 
 export class Overview {
-  readonly element = h("canvas.tl-overview", {
+  private readonly cursor = h("div.tl-overview-cursor", { "aria-hidden": "true" });
+  private readonly canvas = h("canvas.tl-overview-canvas", { "aria-hidden": "true" });
+  readonly element = h("div.tl-overview", {
     role: "scrollbar", "aria-label": "Part of the recording in view", "aria-orientation": "horizontal", "aria-controls": "timeline",
     "data-testid": "overview", tabindex: 0, title: "Drag to scroll, drag an end to zoom",
-  });
-  private density: Float32Array | null = null;
+  }, this.canvas, this.cursor);
+  /** The events as a picture, painted once for many scrolls. */
+  private picture: OffscreenCanvas | null = null;
 
   constructor(
     private readonly app: App,
@@ -28,7 +31,22 @@ export class Overview {
   }
 
   forget(): void {
-    this.density = null;
+    this.picture = null;
+  }
+
+  private painted(width: number): OffscreenCanvas {
+    const colors = palette();
+    const picture = new OffscreenCanvas(width, HEIGHT);
+    const context = picture.getContext("2d", { alpha: false })!;
+    context.fillStyle = colors.raised;
+    context.fillRect(0, 0, width, HEIGHT);
+    const counts = this.count(width);
+    const most = counts.reduce((a, b) => Math.max(a, b), 1);
+    context.fillStyle = withAlpha(colors.accent, 0.45);
+    counts.forEach((count, x) => {
+      if (count) context.fillRect(x, HEIGHT - 3 - (count / most) * (HEIGHT - 6), 1, (count / most) * (HEIGHT - 6) + 1);
+    });
+    return picture;
   }
 
   private count(width: number): Float32Array {
@@ -49,25 +67,22 @@ export class Overview {
     const { axis } = this.shared;
     const colors = palette();
     const width = Math.max(1, Math.round(axis.width));
-    const context = sized(this.element, axis.width, HEIGHT);
-    if (this.density?.length !== width) this.density = this.count(width);
-    context.fillStyle = colors.raised;
-    context.fillRect(0, 0, width, HEIGHT);
-    const most = this.density.reduce((a, b) => Math.max(a, b), 1);
-    context.fillStyle = withAlpha(colors.accent, 0.45);
-    this.density.forEach((count, x) => {
-      if (count) context.fillRect(x, HEIGHT - 3 - (count / most) * (HEIGHT - 6), 1, (count / most) * (HEIGHT - 6) + 1);
-    });
+    const context = sized(this.canvas, axis.width, HEIGHT);
+    if (this.picture?.width !== width) this.picture = this.painted(width);
+    context.drawImage(this.picture, 0, 0, axis.width, HEIGHT);
     const [from, to] = this.window();
     context.fillStyle = withAlpha(colors.text, 0.1);
     context.fillRect(from, 0, to - from, HEIGHT);
     context.strokeStyle = colors.strong;
     context.strokeRect(from + 0.5, 0.5, Math.max(2, to - from - 1), HEIGHT - 1);
-    context.fillStyle = colors.bad;
-    context.fillRect((this.app.cursor.frame / Math.max(1, axis.nFrames)) * width, 0, 1.5, HEIGHT);
     this.element.setAttribute("aria-valuenow", String(Math.round(axis.first)));
     this.element.setAttribute("aria-valuemin", "0");
     this.element.setAttribute("aria-valuemax", String(axis.nFrames));
+  }
+
+  placeCursor(): void {
+    const { axis } = this.shared;
+    this.cursor.style.transform = `translateX(${(this.app.cursor.frame / Math.max(1, axis.nFrames)) * axis.width}px)`;
   }
 
   private window(): [number, number] {

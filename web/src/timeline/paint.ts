@@ -70,7 +70,7 @@ function paintBars(paint: LanePaint, row: BarRow, y: number): void {
     const held = ghosts.find((g) => g.id === bar.id && g.what === bar.what && g.layer === row.layer && g.segment === bar.segment);
     paintBar(paint, row, bar, held?.start ?? bar.start, held?.end ?? bar.end, y, true);
   }
-  paintConnections(paint, row, first, last, y);
+  if (row.broken) paintConnections(paint, row, first, last, y);
 }
 
 function paintSliver({ context }: LanePaint, bar: Bar, x: number, y: number): void {

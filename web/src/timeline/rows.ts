@@ -2,19 +2,24 @@
 
 import { type App, MACHINE } from "../state";
 import { lowerBound } from "./intervals";
-import { type Bar, lanes, type Row } from "./lanes";
+import { type Bar, LaneCache, lanes, type Row, type Section } from "./lanes";
 
 export interface BarPlace {
   readonly row: number;
   readonly bar: Bar;
 }
 
+const SECTIONS: readonly Section[] = ["events", "objects", "relations"];
+
 export class Rows {
   rows: Row[] = [];
   /** Upper edge of each row, and the lower edge of the last one. */
   tops = new Float64Array(1);
   readonly collapsed = new Set<string>();
-  private readonly perLayer = new Map<string, Row[]>();
+  private readonly perLayer = new Map<string, Record<Section, Row[]>>();
+
+  private readonly caches = new Map<string, LaneCache>();
+  private scheme: unknown = null;
 
   constructor(private readonly app: App) {}
 
@@ -28,19 +33,25 @@ export class Rows {
 
   build(): void {
     const { app } = this;
+    // colours and tiers are the scheme's
+    if (this.scheme !== app.scheme) this.caches.clear();
+    this.scheme = app.scheme;
     const names = app.shownLayers.map((layer) => layer.name);
     for (const known of this.perLayer.keys()) if (!names.includes(known)) this.perLayer.delete(known);
-    this.rows = app.shownLayers.flatMap(({ name, document }) => {
-      let made = this.perLayer.get(name);
-      if (made === undefined) {
-        made = lanes({
+    const made = app.shownLayers.map(({ name, document }) => {
+      let found = this.perLayer.get(name);
+      if (found === undefined) {
+        const cache = this.caches.get(name) ?? new LaneCache();
+        this.caches.set(name, cache);
+        found = lanes({
           document, scheme: app.scheme, nFrames: app.nFrames, active: name === app.activeLayer, proposals: name === MACHINE,
-          decided: new Set(name === MACHINE ? app.document.decisions.list.map((d) => d.proposal) : []), collapsed: this.collapsed,
+          decided: new Set(name === MACHINE ? app.document.decisions.list.map((d) => d.proposal) : []), collapsed: this.collapsed, cache,
         });
-        this.perLayer.set(name, made);
+        this.perLayer.set(name, found);
       }
-      return made;
+      return found;
     });
+    this.rows = SECTIONS.flatMap((section) => made.flatMap((layer) => layer[section]));
     this.tops = new Float64Array(this.rows.length + 1);
     this.rows.forEach((row, i) => (this.tops[i + 1] = this.tops[i]! + row.height));
   }
