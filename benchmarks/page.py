@@ -51,7 +51,7 @@ FLAGS = [
 ]
 
 READ_SEEKS = """
-async ([targets, bits]) => {
+async ([targets, bits, read]) => {
   const pane = document.querySelector('.pane');
   const video = pane.querySelector('video');
   const canvas = new OffscreenCanvas(640, 8);
@@ -74,7 +74,8 @@ async ([targets, bits]) => {
       observer.observe(pane, { attributeFilter: ['data-frame'] });
       ecat.seek(target);
     });
-    results.push([target, number(), performance.now() - start, pane.dataset.source]);
+    const took = performance.now() - start;
+    results.push([target, read ? number() : 0, took, pane.dataset.source]);
     await new Promise((resolve) => setTimeout(resolve, 15));
   }
   return results;
@@ -248,10 +249,11 @@ def seeks(server: Server) -> None:
         page.goto(f"{server.address}/#/session/video")
         page.wait_for_selector('.pane[data-source="video"][data-frame="0"]', timeout=180_000)
         targets = np.random.default_rng(3).permutation(np.arange(1, N_IMAGES))[:N_SEEKS].tolist()
-        results: list[Any] = page.evaluate(READ_SEEKS, [targets, BITS])
+        results: list[Any] = page.evaluate(READ_SEEKS, [targets, BITS, True])
         right = sum(1 for target, found, _, source in results if target == found and source == "video")
-        took = np.array([ms for _, _, ms, _ in results])
         told("seeks to the right image, 1080p", f"{right}/{len(results)}", "200/200")
+        # reading pixels back keeps the browser busy into the next seek: what is timed is not read
+        took = np.array([ms for _, _, ms, _ in page.evaluate(READ_SEEKS, [targets[::-1], BITS, False])])
         told(
             "seek latency p50, p95",
             f"{np.percentile(took, 50):.1f}, {np.percentile(took, 95):.1f} ms",

@@ -62,15 +62,12 @@ def require_sound(edit: Edit, changes: Iterable[Change]) -> None:
 
 def _problems(edit: Edit, kind: Kind, name: str, change: Change) -> Iterator[str]:
     now = edit.document.element(kind, name)
-    if kind == "event":
-        old = None if change.before is None else from_json(Event, change.before)
-        if now is not None:
-            yield from _event(edit, now, old)
-    elif kind == "relation" and now is not None:
-        old = None if change.before is None else from_json(Relation, change.before)
-        yield from _relation(edit, now, old)
-    elif kind in {"object", "event"} and now is None:
+    if kind in {"object", "event"} and now is None:
         yield from _users(edit, kind, name)
+    elif kind == "event":
+        yield from _event(edit, now, None if change.before is None else from_json(Event, change.before))
+    elif kind == "relation" and now is not None:
+        yield from _relation(edit, now, None if change.before is None else from_json(Relation, change.before))
 
 
 def _users(edit: Edit, kind: Any, name: str) -> Iterator[str]:
@@ -211,6 +208,8 @@ def _scheme_event(edit: Edit, scheme: CodingScheme, event: Event, old: Event | N
         yield from _below(edit, tier, event)
     if tier.constraint in {"no_overlap", "subdivision"}:
         yield from _apart(edit, event)
+    if tier.constraint == "subdivision":
+        yield from _meeting(edit, event)
 
 
 def _closed(scheme: CodingScheme, event: Event, old: Event | None) -> Iterator[str]:
@@ -241,6 +240,18 @@ def _below(edit: Edit, tier: Tier, event: Event) -> Iterator[str]:
         yield (
             f"event {_shown(event)}: on tier {tier.name} it has to be a part of one on tier {tier.parent}, but {found}"
         )
+
+
+def _meeting(edit: Edit, event: Event) -> Iterator[str]:
+    """What an event is divided into has no gaps."""
+    extent = span(event)
+    others = [
+        span(other)
+        for other in edit.document.children(event.parent or "")
+        if other.tier == event.tier and other != event
+    ]
+    if extent and others and not any(o and (o[1] == extent[0] or extent[1] == o[0]) for o in others):
+        yield f"event {_shown(event)}: on tier {event.tier} it would leave a gap to its neighbours"
 
 
 def _apart(edit: Edit, event: Event) -> Iterator[str]:

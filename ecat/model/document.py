@@ -124,6 +124,18 @@ class Document:
         found = (self._elements["event"][user] for kind, user in users if kind == "event")
         return tuple(sorted((e for e in found if e.parent == name), key=lambda e: (span(e) or (0, 0), e.id)))
 
+    def tree(self, name: str) -> tuple[Event, ...]:
+        """An event and all its sub-events, each after the one that it is a part of."""
+        found: dict[str, Event] = {name: self._elements["event"][name]}
+        waiting = [name]
+        for parent in waiting:
+            for child in self.children(parent):
+                # an event that was imported as a part of itself is met once
+                if child.id not in found:
+                    found[child.id] = child
+                    waiting.append(child.id)
+        return tuple(found.values())
+
     def users(self, kind: Literal["object", "event"], name: str) -> tuple[tuple[Kind, str], ...]:
         """Kind and id of what names an object or an event; a decision names its result as an event."""
         return tuple(self._users.get((kind, name), ()))

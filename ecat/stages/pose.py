@@ -266,7 +266,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: PoseParameters) -> di
 
 POSE = Stage(
     name="pose",
-    version=3,
+    version=4,
     inputs=("clock", "table_plane", "markers_2d", "markers_3d", "face_planes"),
     outputs=("poses",),
     parameters=PoseParameters,

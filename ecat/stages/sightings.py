@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +22,7 @@ from ecat.geometry.boxes import (
 )
 from ecat.geometry.boxfit import Noise, Sightings, corner_sharpness
 from ecat.geometry.cameras import Camera
+from ecat.geometry.detection import Found
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import BoxPrototype
 
@@ -233,3 +235,28 @@ def box_sightings(
         seen = Sightings(pixels, points, sharpness, planes)
         found.append(BoxSightings(object_id, prototype, frame, seen))
     return found
+
+
+@dataclass(frozen=True)
+class FoundInAll:
+    """Faces (n,) that were found in a video, image after image: what of them becomes a row of ``markers_2d``."""
+
+    image: NDArray[np.int32]
+    box: NDArray[np.int16]
+    face: NDArray[np.int16]
+    rings: Floats
+
+    @classmethod
+    def of(cls, image: int, found: Found) -> FoundInAll:
+        """Those of the image with this index."""
+        numbers = np.full(len(found), image, np.int32)
+        return cls(numbers, found.box.astype(np.int16), found.face.astype(np.int16), found.rings)
+
+    @classmethod
+    def joined(cls, parts: Sequence[FoundInAll]) -> FoundInAll:
+        """All of them, one after the other."""
+        names = ("image", "box", "face", "rings")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    def __getitem__(self, rows: NDArray[Any] | slice) -> FoundInAll:
+        return FoundInAll(self.image[rows], self.box[rows], self.face[rows], self.rings[rows])

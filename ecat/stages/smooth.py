@@ -125,10 +125,11 @@ def _column(track: pa.Table, name: str) -> Floats:
 
 def _lists(track: pa.Table, name: str) -> Floats:
     """A column of lists as (n, k), NaN where null."""
-    blank = [np.nan] * LISTS[name]
-    return np.array([blank if row is None else row for row in track[name].to_pylist()], float).reshape(
-        -1, LISTS[name]
-    )
+    known = track.filter(pc.is_valid(track[name]))[name].combine_chunks()
+    values = np.full((track.num_rows, LISTS[name]), np.nan)
+    flat = pc.list_flatten(known).to_numpy(zero_copy_only=False)
+    values[track[name].is_valid().to_numpy()] = flat.reshape(-1, LISTS[name])
+    return values
 
 
 def pose_covariances(poses: pa.Table) -> Floats:

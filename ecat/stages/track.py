@@ -25,6 +25,7 @@ from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype, MarkerFace
 from ecat.stages.depth_gauge import DepthGauge
 from ecat.stages.images import Images, ImagesByKind
+from ecat.stages.sightings import FoundInAll
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import MARKERS_2D
 
@@ -50,8 +51,8 @@ class TrackParameters:
     prototypes : the boxes that are looked for.
     objects : the object that each of them is; by default as :func:`object_ids` names it.
     every : the whole image is searched every so many frames.
-    together : so many frames are measured at once, and the last of them searched where something changed; what is found
-        there is followed back.
+    together : so many frames are measured at once, or twice as many while nothing happens, and the last of them
+        searched where something changed; what is found there is followed back.
     changed : grey levels by which the mean of a tile changes when something happens in it.
     reach_px : how far from where it is expected a face is measured without a search.
     patience : frames for which a lost face is looked for where it was.
@@ -92,6 +93,7 @@ class Tracker:
         self._way = _NO_RINGS
         self._seen = np.empty(0, np.int64)
         self._largest_px = 0.0
+        self._calm = False
 
     def follow(self, images: Iterable[NDArray[np.uint8]]) -> Iterator[Found]:
         """The faces in each image (height, width), some images later than it was taken in.
@@ -101,12 +103,18 @@ class Tracker:
         block: list[NDArray[np.uint8]] = []
         for i, grey in enumerate(images, self._next):
             block.append(grey)
-            if len(block) >= self._parameters.together or i % self._parameters.every == 0:
+            if i % self._parameters.every == 0 or self._is_enough(block):
                 found = self._block(block)
                 block.clear()
                 yield from found
         if block:
             yield from self._block(block)
+
+    def _is_enough(self, block: Sequence[NDArray[np.uint8]]) -> bool:
+        """Whether to measure these images now; more can wait while no face comes or goes and nothing else changes."""
+        n, together = len(block), max(self._parameters.together, 1)
+        calm = self._calm and not (n == together and self._changes.any(tile_means(block[-1])))
+        return n >= (2 if calm else 1) * together
 
     def _block(self, images: Sequence[NDArray[np.uint8]]) -> list[Found]:
         """Follow what is known, look for the rest in the last image, and follow that back."""
@@ -128,6 +136,7 @@ class Tracker:
             if i == len(images) - 2:
                 way[places(later, new)] = back
         self._remember(new, way)
+        self._calm = not len(new) and len({len(faces) for faces in every}) == 1
         if len(new):
             every[-1] = Found.joined([every[-1], new])
         return every
@@ -290,40 +299,17 @@ def track_markers(
         )
     )
     tracker = Tracker(detector, parameters, gauge)
-    parts: list[_Seen] = []
+    parts: list[FoundInAll] = []
     joined = 0
     for i, faces in enumerate(tracker.follow(map(_grey, color))):
         if len(faces):
-            parts.append(_Seen.of(i, faces))
+            parts.append(FoundInAll.of(i, faces))
         if len(parts) - joined >= _KEPT_APART:
             # an hour of small arrays is many times as large as its numbers
-            parts[joined:] = [_Seen.joined(parts[joined:])]
+            parts[joined:] = [FoundInAll.joined(parts[joined:])]
             joined += 1
-    tables = _tables(_Seen.joined(parts), detector, color, parameters) if parts else ()
+    tables = _tables(FoundInAll.joined(parts), detector, color, parameters) if parts else ()
     return pa.concat_tables([MARKERS_2D.arrow.empty_table(), *tables])
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """Faces (n,) in all images: what of them becomes a row."""
-
-    image: NDArray[np.int32]
-    box: NDArray[np.int16]
-    face: NDArray[np.int16]
-    rings: Floats
-
-    @classmethod
-    def of(cls, image: int, found: Found) -> _Seen:
-        numbers = np.full(len(found), image, np.int32)
-        return cls(numbers, found.box.astype(np.int16), found.face.astype(np.int16), found.rings)
-
-    @classmethod
-    def joined(cls, parts: Sequence[_Seen]) -> _Seen:
-        names = ("image", "box", "face", "rings")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-    def __getitem__(self, rows: NDArray[Any] | slice) -> _Seen:
-        return _Seen(self.image[rows], self.box[rows], self.face[rows], self.rings[rows])
 
 
 def object_ids(prototypes: Sequence[BoxPrototype]) -> list[str]:
@@ -354,7 +340,7 @@ def _seen_enough(images: NDArray[np.int32], n_images: int, parameters: TrackPara
 
 
 def _tables(
-    seen: _Seen, detector: Detector, color: Images, parameters: TrackParameters
+    seen: FoundInAll, detector: Detector, color: Images, parameters: TrackParameters
 ) -> Iterator[pa.Table]:
     """The rows of the boxes that were seen often enough, those of some images at a time."""
     for box in np.unique(seen.box):
@@ -365,7 +351,7 @@ def _tables(
         yield _table(seen[start:end], detector, color, parameters)
 
 
-def _table(found: _Seen, detector: Detector, color: Images, parameters: TrackParameters) -> pa.Table:
+def _table(found: FoundInAll, detector: Detector, color: Images, parameters: TrackParameters) -> pa.Table:
     ids, images = np.array(parameters.objects or object_ids(detector.prototypes), object), found.image
     x, y = found.rings[..., 0], found.rings[..., 1]
     area = 0.5 * np.abs((x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(1))
@@ -425,7 +411,7 @@ def _what_is_looked_for(parameters: TrackParameters) -> TrackParameters:
 
 TRACK = Stage(
     name="track",
-    version=2,
+    version=3,
     inputs=(),
     images=("color", "depth"),
     outputs=("markers_2d",),

@@ -110,10 +110,8 @@ def install(app: FastAPI) -> None:
     """Give every error of the application the one shape."""
     app.add_exception_handler(EcatError, _of_ours)
     app.add_exception_handler(RequestValidationError, _of_the_request)
-    app.add_exception_handler(HTTPException, _of_http)
-    for status in (404, 405):
-        # the router's own, which are no HTTPException of FastAPI's
-        app.add_exception_handler(status, _of_http)
+    # the router's own are of the class below FastAPI's
+    app.add_exception_handler(HTTPException.__base__ or HTTPException, _of_http)
     app.add_exception_handler(Exception, _of_a_bug)
 
 

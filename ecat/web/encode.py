@@ -18,6 +18,7 @@ from ecat.store import Session
 from ecat.store.media import open_images
 from ecat.store.media.container import decoded, media_errors, open_media
 from ecat.web.exact import DEPTH_KINDS, bounds_of, colored
+from ecat.web.times import count_images
 
 if TYPE_CHECKING:
     from av import VideoFrame, VideoStream
@@ -51,7 +52,7 @@ def write_proxy(session: Session, stream_name: str, dest: Path, tell: Tell) -> N
     import av
 
     with open_images(session, stream_name, threads=2) as images:
-        count = len(images)
+        count = count_images(session, session.stream(stream_name)) or len(images)
         frames = _frames(session, stream_name, images)
         first = next(frames, None)
         if first is None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ecat.annotate import Editor, Record, operations_from_list
 from ecat.errors import EcatError
-from ecat.model import Layer
+from ecat.model import Layer, LayerRecord
 from ecat.model.changes import LISTS, header, to_json
 from ecat.store import Session
 from ecat.web.answers import encoded
@@ -48,6 +48,16 @@ class SharedLayer:
         """How many steps the layer's history has."""
         return self._editor.revision
 
+    def was_replaced(self, now: LayerRecord) -> bool:
+        """Whether a layer without a history, such as a stage writes, is another one than was opened."""
+        opened = self._editor.session.manifest.layer(self.name)
+        return (
+            not self.revision
+            and not now.journal_revision
+            and opened is not None
+            and now.sha256 != opened.sha256
+        )
+
     def counts(self) -> dict[str, int]:
         """How many objects, events and relations there are now."""
         ids = self._editor.document.ids
@@ -57,6 +67,7 @@ class SharedLayer:
 
     def answer(self, author: str | None) -> bytes:
         """The layer as it is now, as JSON: see :class:`ecat.web.shapes.LayerAnswer`."""
+        self._refresh()
         with self._packing:
             if self._packed is None or self._packed[0] != self._editor.revision:
                 self._packed = self._pack()
@@ -69,17 +80,24 @@ class SharedLayer:
 
     def history(self, start: int, limit: int) -> dict[str, Any]:
         """Records from ``start`` on, at most ``limit``."""
+        self._refresh()
         records = self._editor.history(start, limit)
         return {"revision": self._editor.revision, "records": [record.to_dict() for record in records]}
 
     @property
     def scheme(self) -> Any:
         """The layer's coding scheme, None without one."""
+        self._refresh()
         return self._editor.scheme
 
     def saved(self) -> dict[str, int]:
         """The last revision, and the last that XML and tables contain."""
         return {"revision": self._editor.revision, "saved_revision": self._editor.saved_revision}
+
+    def _refresh(self) -> None:
+        """Take over what other processes did; the pages are told when it is next looked."""
+        with contextlib.suppress(EcatError):  # the next edit says what is wrong
+            self._editor.refresh()
 
     def _pack(self) -> tuple[int, bytes]:
         while True:
@@ -136,8 +154,7 @@ class SharedLayer:
     async def look(self) -> None:
         """Tell what other processes have done since, if they did anything."""
         async with self._turn:
-            with contextlib.suppress(EcatError):  # the next edit says what is wrong
-                await asyncio.to_thread(self._editor.refresh)
+            await asyncio.to_thread(self._refresh)
             await self._tell_news()
 
     async def _tell_news(self) -> None:

@@ -25,6 +25,8 @@ def description() -> dict[str, Any]:
         "discriminator": {"propertyName": "op", "mapping": refs},
     }
     shapes["Edit"]["properties"]["operations"]["items"] = {"$ref": f"{_SHAPES}Operation"}
+    # a coordinate that is missing
+    shapes["KeyFrame"]["properties"]["coordinates"]["items"] = {"type": ["number", "null"]}
     return described
 
 

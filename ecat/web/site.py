@@ -15,7 +15,7 @@ from fastapi import Depends
 from fastapi.requests import HTTPConnection
 
 from ecat.annotate import find_scheme, scheme_names
-from ecat.errors import EcatError, NotFoundError
+from ecat.errors import EcatError, NotFoundError, UsageError
 from ecat.model import Stream
 from ecat.model.scheme import BUILT_IN_SCHEMES
 from ecat.process.proposals import LAYER as MACHINE
@@ -122,8 +122,16 @@ class OpenSession:
 
     async def look(self) -> None:
         """Look whether another process has written to a layer."""
-        for layer in self.layers.values():
-            await layer.look()
+        session: Session | None = None
+        with contextlib.suppress(EcatError):  # whoever asks is told
+            session = await asyncio.to_thread(lambda: self.session)
+        for name, layer in self.layers.items():
+            record = None if session is None else session.manifest.layer(name)
+            if record is not None and layer.was_replaced(record):
+                self._layers[name] = await asyncio.to_thread(self._open_layer, name, make=False)
+                self.hub.tell({"type": "replaced", "layer": name, "revision": self._layers[name].revision})
+            else:
+                await layer.look()
 
     async def close(self) -> None:
         """Save every layer, and end every connection."""
@@ -309,6 +317,17 @@ async def _layer(sid: str, layer: str, connection: HTTPConnection) -> SharedLaye
     return await _site(connection).opened(sid).layer(layer)
 
 
+async def _peoples(layer: str) -> None:
+    if layer == MACHINE:
+        raise UsageError(
+            f"cannot edit layer {layer}",
+            where="it holds what stages propose, and is written anew when they run",
+            fix="accept or reject its proposals in a layer of your own",
+        )
+
+
 TheSite = Annotated[Site, Depends(_site_of)]
 TheSession = Annotated[OpenSession, Depends(_opened)]
 TheLayer = Annotated[SharedLayer, Depends(_layer)]
+EDITED = [Depends(_peoples)]
+"""Of routes that change a layer."""

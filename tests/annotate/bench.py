@@ -55,7 +55,7 @@ class Bench:
 
     def _session(self, name: str) -> Layer:
         if name not in self.sessions:
-            raise OperationError("cannot edit", where=f"there is no session {name}")
+            raise OperationError("cannot edit", where=f"there is no session {name}", fix="name another")
         return self.sessions[name]
 
     def refused(self, *operations: dict[str, Any]) -> str:
@@ -76,9 +76,9 @@ class Bench:
         return [(s.start_frame, s.end_frame) for s in self.event(name).segments]
 
 
-def op(name: str, **said: Any) -> dict[str, Any]:
+def op(operation: str, **said: Any) -> dict[str, Any]:
     """An operation as JSON."""
-    return {"op": name, **said}
+    return {"op": operation, **said}
 
 
 def event(start: int, end: int, **said: Any) -> dict[str, Any]:
@@ -86,9 +86,9 @@ def event(start: int, end: int, **said: Any) -> dict[str, Any]:
     return op("add_event", segments=[[start, end]], **said)
 
 
-def thing(name: str = "", kind: str = "other", **said: Any) -> dict[str, Any]:
+def thing(called: str = "", kind: str = "other", **said: Any) -> dict[str, Any]:
     """Add an object."""
-    return op("add_object", name=name, kind=kind, **said)
+    return op("add_object", name=called, kind=kind, **said)
 
 
 def relation(predicate: str, *arguments: str, start: int = 0, **said: Any) -> dict[str, Any]:

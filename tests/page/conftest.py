@@ -26,8 +26,6 @@ from ecat.model import AnnotatedObject, Layer
 from ecat.sample import sample_session
 from ecat.store import Session, create_session, open_session
 
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-
 FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
@@ -135,6 +133,7 @@ def served(blank_once: Path, running: Running, request: pytest.FixtureRequest) -
 @pytest.fixture(scope="session")
 def chromium() -> Generator[Any]:
     """The browser."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
     executable = _chromium()
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=str(executable), args=list(FLAGS))
@@ -171,6 +170,12 @@ class Window:
         """The value of an expression about the page's state, ``app``."""
         return self.page.evaluate(f"() => {{ const app = window.ecat; return {expression}; }}")
 
+    def until(self, condition: str) -> None:
+        """Wait until an expression about ``app`` is true."""
+        self.page.wait_for_function(
+            f"() => {{ const app = window.ecat; return {condition}; }}", timeout=WAIT_MS
+        )
+
     def opened(self) -> None:
         """Wait until the session is there."""
         self.page.wait_for_selector("#workspace", timeout=WAIT_MS)
@@ -187,7 +192,9 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
             stack.callback(context.close)
             if author is not None:
                 settings = json.dumps({"author": author})
-                context.add_init_script(f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})")
+                context.add_init_script(
+                    f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})"
+                )
             page = context.new_page()
             made = Window(page, [])
             page.on("pageerror", lambda error: made.complaints.append(str(error)))

@@ -57,7 +57,13 @@ def test_from_nothing_to_a_confirmed_event_killed_reopened_undone_exported(
     assert again.complaints == []
 
     layer = served.layer()
-    assert _spans(layer) == {"slide_next": (20, 110), "grasp": (20, 40), "hold": (40, 60), "move": (60, 90), "release": (90, 110)}
+    assert _spans(layer) == {
+        "slide_next": (20, 110),
+        "grasp": (20, 40),
+        "hold": (40, 60),
+        "move": (60, 90),
+        "release": (90, 110),
+    }
     whole = _event(layer, "slide_next")
     assert {e.parent for e in layer.events if e is not whole} == {whole.id}
     assert {e.status for e in layer.events} == {"confirmed"}
@@ -78,11 +84,19 @@ def _state_a_relation(window: Any) -> None:
 def _exports(session: Path, dest: Path, layer: Layer) -> None:
     """The session as the program of 2018 wrote it says the same."""
     ecat = [sys.executable, "-m", "ecat"]
-    subprocess.run([*ecat, "export", str(session), str(dest), "--format", "ecat-2018", "-q"], check=True, capture_output=True)
-    subprocess.run([*ecat, "import", str(dest), str(dest.parent / "back"), "-q"], check=True, capture_output=True)
+    subprocess.run(
+        [*ecat, "export", str(session), str(dest), "--format", "ecat-2018", "-q"],
+        check=True,
+        capture_output=True,
+    )
+    subprocess.run(
+        [*ecat, "import", str(dest), str(dest.parent / "back"), "-q"], check=True, capture_output=True
+    )
     back = open_session(dest.parent / "back").layer("main")
     assert sorted(_spans_of(back)) == sorted(_spans_of(layer))
-    assert [(r.predicate, r.targets) for r in back.relations] == [(r.predicate, r.targets) for r in layer.relations]
+    assert [(r.predicate, r.targets) for r in back.relations] == [
+        (r.predicate, r.targets) for r in layer.relations
+    ]
 
 
 def _spans_of(layer: Layer) -> list[tuple[int, int]]:
@@ -127,7 +141,9 @@ def test_a_demonstration_takes_at_most_twelve_keystrokes_or_clicks(served: Any, 
     layer = served.layer()
     cup = next(thing for thing in layer.objects if thing.name == "cup")
     whole = _event(layer, "slide_next")
-    assert [e.type for e in sorted(layer.events, key=lambda e: e.segments[0].start_frame) if e.parent == whole.id] == ["grasp", "hold", "move", "release"]
+    assert [
+        e.type for e in sorted(layer.events, key=lambda e: e.segments[0].start_frame) if e.parent == whole.id
+    ] == ["grasp", "hold", "move", "release"]
     assert _roles(whole)["Theme"] == cup.id
     assert whole.segments[0].start_frame == 20
     assert whole.segments[0].end_frame == 110
@@ -135,9 +151,9 @@ def test_a_demonstration_takes_at_most_twelve_keystrokes_or_clicks(served: Any, 
 
 def test_labels_follow_the_keys_while_it_plays(served: Any, annotating: Any) -> None:
     annotating.press(" ", "5", "1")
-    annotating.page.wait_for_function("() => window.ecat.cursor.frame > 12", timeout=10_000)
+    annotating.until("app.cursor.frame > 12")
     annotating.press("2")
-    annotating.page.wait_for_function("() => window.ecat.cursor.frame > 24", timeout=10_000)
+    annotating.until("app.cursor.frame > 24")
     annotating.press("5", " ")
     layer = served.layer()
     grasp, hold, slide = (_event(layer, kind) for kind in ("grasp", "hold", "slide_next"))
@@ -146,7 +162,9 @@ def test_labels_follow_the_keys_while_it_plays(served: Any, annotating: Any) -> 
     assert grasp.parent == hold.parent == slide.id
 
 
-def test_an_event_is_split_merged_nudged_and_called_unsure_by_single_keys(served: Any, annotating: Any) -> None:
+def test_an_event_is_split_merged_nudged_and_called_unsure_by_single_keys(
+    served: Any, annotating: Any
+) -> None:
     annotating.at(10)
     annotating.press("i")
     annotating.at(50)
@@ -173,7 +191,10 @@ def test_a_text_refers_to_objects_as_whole_words(served: Any, annotating: Any) -
     annotating.find("reference-o3").click()
     assert annotating.says("app.selectedObject.name") == "Stella Artois"
     event = served.layer().events[0]
-    assert [(event.text[r.start : r.end], r.target) for r in event.references] == [("Shell", "o2"), ("Stella Artois", "o3")]
+    assert [(event.text[r.start : r.end], r.target) for r in event.references] == [
+        ("Shell", "o2"),
+        ("Stella Artois", "o3"),
+    ]
 
 
 def test_any_revision_can_be_brought_back_from_the_history(served: Any, annotating: Any) -> None:

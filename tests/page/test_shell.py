@@ -24,7 +24,11 @@ def test_no_shortcut_fires_while_text_is_typed(served: Any, annotating: Any) -> 
     annotating.page.keyboard.press("Backspace")
     text.blur()
     annotating.settle()
-    assert annotating.says("[app.cursor.frame, app.cursor.playing, app.settings.tool]") == [frame, False, "select"]
+    assert annotating.says("[app.cursor.frame, app.cursor.playing, app.settings.tool]") == [
+        frame,
+        False,
+        "select",
+    ]
     events = served.layer().events
     assert [e.text for e in events] == ["sub-event? [1] {2} Delete: n e s m u j kl"]
     assert not events[0].unsure
@@ -54,7 +58,16 @@ def test_keys_move_the_cursor_and_the_selection(annotating: Any) -> None:
 def test_the_help_names_every_shortcut_and_every_label(annotating: Any) -> None:
     annotating.press("?")
     text = annotating.find("help").inner_text()
-    for label in ("Play or pause", "Split at the cursor", "Unsure", "Reject the proposal", "Draw a polygon", "Redo", "slide_next", "release"):
+    for label in (
+        "Play or pause",
+        "Split at the cursor",
+        "Unsure",
+        "Reject the proposal",
+        "Draw a polygon",
+        "Redo",
+        "slide_next",
+        "release",
+    ):
         assert label in text
     annotating.press("Escape")
     assert annotating.find("help").count() == 0
@@ -72,6 +85,7 @@ def test_each_annotator_has_a_layer_and_sees_the_others(served: Any, annotating:
     annotating.find("new-layer").click()
     annotating.find("prompt-input").fill("ben")
     annotating.find("prompt-yes").click()
+    annotating.until("app.activeLayer === 'ben'")
     annotating.page.keyboard.press("Escape")
     annotating.at(100)
     annotating.press("e")
@@ -96,7 +110,9 @@ def test_an_operation_that_is_refused_says_why_and_changes_nothing(served: Any, 
     assert served.layer().events[0].segments[0].end_frame > 0
 
 
-def test_colours_names_and_key_frames_of_an_object_are_edited_in_the_inspector(served: Any, annotating: Any) -> None:
+def test_colours_names_and_key_frames_of_an_object_are_edited_in_the_inspector(
+    served: Any, annotating: Any
+) -> None:
     annotating.find("tab-objects").click()
     annotating.find("row-o2").click()
     annotating.find("tab-selected").click()
@@ -140,6 +156,11 @@ def test_axe_finds_nothing_serious(served: Any, window: Callable[..., Any], sche
 def test_a_layer_of_the_page_is_one_of_the_package(served: Any, annotating: Any) -> None:
     """What the page holds is what the store reads: the mirror applies records as the package does."""
     annotating.press("e", "n", "u", "Control+z", "Delete", "Control+z")
-    shown = annotating.says("app.document.events.list.map(e => [e.id, e.parent, e.unsure, e.segments.map(s => [s.start_frame, s.end_frame])])")
+    shown = annotating.says(
+        "app.document.events.list.map("
+        "e => [e.id, e.parent, e.unsure, e.segments.map(s => [s.start_frame, s.end_frame])])"
+    )
     layer: Layer = served.layer()
-    assert shown == [[e.id, e.parent, e.unsure, [[s.start_frame, s.end_frame] for s in e.segments]] for e in layer.events]
+    assert shown == [
+        [e.id, e.parent, e.unsure, [[s.start_frame, s.end_frame] for s in e.segments]] for e in layer.events
+    ]

@@ -16,19 +16,17 @@ def both(served: Any, window: Callable[..., Any]) -> Generator[tuple[Any, Any]]:
     assert pair[0].complaints == pair[1].complaints == []
 
 
-def _until(window: Any, condition: str) -> None:
-    window.page.wait_for_function(f"() => {{ const app = window.ecat; return {condition}; }}", timeout=10_000)
-
-
 def _hold_back(window: Any) -> None:
     """Let this window not hear of what others do, as on a slow line."""
-    window.page.evaluate("() => { window.ecat.socket.onmessage = null; window.ecat.onLive = () => undefined; }")
+    window.page.evaluate(
+        "() => { window.ecat.socket.onmessage = null; window.ecat.onLive = () => undefined; }"
+    )
 
 
 def test_what_one_does_the_other_sees(served: Any, both: tuple[Any, Any]) -> None:
     ann, ben = both
     ann.press("e")
-    _until(ben, "app.document.events.list.length === 1")
+    ben.until("app.document.events.list.length === 1")
     assert ben.says("app.document.events.list[0].author") == "ann"
     ben.find("people").get_by_label("ann").wait_for()
     assert len(served.layer().events) == 1
@@ -51,7 +49,7 @@ def test_an_edit_of_what_somebody_else_changed_shows_what_changed_and_asks(
 ) -> None:
     ann, ben = both
     ann.press("e")
-    _until(ben, "app.document.events.list.length === 1")
+    ben.until("app.document.events.list.length === 1")
     _hold_back(ben)
     ben.find("tab-events").click()
     ben.find("row-a1").click()
@@ -70,11 +68,13 @@ def test_an_edit_of_what_somebody_else_changed_shows_what_changed_and_asks(
     assert served.layer().events[0].text == kept
 
 
-def test_an_edit_made_while_the_server_is_away_arrives_once_it_is_back(served: Any, window: Callable[..., Any]) -> None:
+def test_an_edit_made_while_the_server_is_away_arrives_once_it_is_back(
+    served: Any, window: Callable[..., Any]
+) -> None:
     ann = window(served)
     ann.page.context.set_offline(True)
     ann.page.keyboard.press("e")
-    ann.page.wait_for_function("() => window.ecat.save === 'offline'", timeout=10_000)
+    ann.until("app.save === 'offline'")
     assert ann.find("save-state").inner_text() == "not connected"
     ann.page.context.set_offline(False)
     ann.settle()
@@ -94,7 +94,7 @@ def test_an_edit_whose_answer_was_lost_is_not_made_twice(served: Any, window: Ca
 
     ann.page.route("**/operations", lose_the_first_answer)
     ann.page.keyboard.press("e")
-    ann.page.wait_for_function("() => window.ecat.document.events.list.length === 1", timeout=10_000)
+    ann.until("app.document.events.list.length === 1")
     ann.settle()
     assert len(lost) == 1
     assert len(served.layer().events) == 1

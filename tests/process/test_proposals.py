@@ -67,8 +67,8 @@ def test_everything_is_a_proposal_of_a_stage() -> None:
     made = layer()
     assert made.name == "machine"
     assert {e.status for e in made.events} == {r.status for r in made.relations} == {"proposed"}
-    assert {e.author for e in made.events} == {"ecat propose 2"}
-    assert {(r.author, r.source) for r in made.relations} == {("ecat relations 2", "computed")}
+    assert {e.author for e in made.events} == {"ecat propose 3"}
+    assert {(r.author, r.source) for r in made.relations} == {("ecat relations 3", "computed")}
 
 
 def test_only_what_takes_part_is_repeated_without_what_a_person_drew() -> None:

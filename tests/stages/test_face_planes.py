@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
 from numpy.typing import NDArray
 
 from ecat.geometry.boxes import box_corners
@@ -112,3 +115,59 @@ def test_the_stage_is_the_function(generated: Generated) -> None:
     )
     assert tuple(made) == FACE_PLANES_STAGE.outputs
     assert made["face_planes"].num_rows
+
+
+@dataclass(frozen=True)
+class Counted(Depth):
+    """The same, with the indices of all that was read."""
+
+    asked: list[int] = field(default_factory=list[int])
+
+    def read(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
+        self.asked.extend(indices)
+        return super().read(indices)
+
+
+def still(session: Recorded, n: int, shift_px: float = 0.0) -> pa.Table:
+    """The markers of the first frame in ``n`` frames, ``shift_px`` further to the right in each."""
+    first = session.markers_2d.filter(pc.field("frame") == 0)
+    parts: list[pa.Table] = []
+    for i, t_ns in enumerate(session.clock["t_ns"].to_pylist()[:n]):
+        moved = {
+            name: np.asarray(first[name]) + i * shift_px for name in first.schema.names if name[0] == "u"
+        }
+        changed = {"t_ns": np.full(len(first), t_ns), "frame": np.full(len(first), i), **moved}
+        columns = [
+            pa.array(changed[f.name], f.type) if f.name in changed else first[f.name] for f in first.schema
+        ]
+        parts.append(pa.Table.from_arrays(columns, schema=first.schema))
+    return pa.concat_tables(parts)
+
+
+def test_a_face_that_stands_still_keeps_its_plane_for_a_while(generated: Generated) -> None:
+    session = generated(20)
+    counted = Counted(depth_of(session).images, depth_of(session).t_ns)
+    markers = still(session, 20)
+    planes = fit_face_planes(markers, counted, replace(parameters(session), still_images=8))
+    assert counted.asked == [0, 8, 16]
+    every = fit_face_planes(markers, depth_of(session), replace(parameters(session), still_images=0))
+    assert set(planes["frame"].to_pylist()) == set(range(20))
+    np.testing.assert_allclose(planes["d"], every["d"], atol=1e-9)
+
+
+def test_an_image_is_read_where_a_face_has_moved(generated: Generated) -> None:
+    session = generated(20)
+    counted = Counted(depth_of(session).images, depth_of(session).t_ns)
+    slowly = replace(parameters(session), still_px=0.25, still_images=8)
+    fit_face_planes(still(session, 20, 0.1), counted, slowly)
+    assert counted.asked == [0, 3, 6, 9, 12, 15, 18]
+
+
+def test_stretches_of_frames_are_put_together(generated: Generated, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = generated(20)
+    one = replace(parameters(session), still_images=0)
+    whole = fit_face_planes(session.markers_2d, depth_of(session), one)
+    monkeypatch.setattr("ecat.stages.face_planes._FRAMES_AT_ONCE", 7)
+    parts = fit_face_planes(session.markers_2d, depth_of(session), one)
+    assert parts["frame"].equals(whole["frame"])
+    np.testing.assert_allclose(parts["d"], whole["d"], rtol=1e-9)

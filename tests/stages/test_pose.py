@@ -186,3 +186,14 @@ def test_the_covariance_is_told_where_there_is_a_pose(generated: Generated) -> N
     upper = np.array(poses["covariance"].to_pylist()[:20])
     variances = upper[:, [0, 6, 11]]
     np.testing.assert_allclose(np.sqrt(variances.mean(1)), columns(poses, "sigma_m")[:20, 0])
+
+
+def test_stretches_of_frames_are_put_together(generated: Generated, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = generated(40)
+    early = session.markers_2d.filter(pc.field("frame") < 15)
+    whole = solve(session, early)
+    monkeypatch.setattr("ecat.stages.pose._FRAMES_AT_ONCE", 6)
+    parts = solve(session, early)
+    assert parts["frame"].to_pylist() == list(range(40))
+    assert parts["source"].to_pylist() == whole["source"].to_pylist()
+    np.testing.assert_allclose(columns(parts, "x y z"), columns(whole, "x y z"), atol=1e-9)

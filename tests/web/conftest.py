@@ -120,7 +120,9 @@ class Browser:
 
     @staticmethod
     def _url(path: str) -> str:
-        return path if path.startswith("/") else f"/api/sessions/slide/{path}".rstrip("/")
+        if path.startswith("/"):
+            return path
+        return f"/api/sessions/slide{'' if path[:1] in {'', '?'} else '/'}{path}"
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from ecat.store import open_session
 from ecat.store.surveys import read_answers
 
 if TYPE_CHECKING:
-    from conftest import Browser
+    from tests.web.conftest import Browser
 
 ACTIONS = Survey(name="actions", question="What happens?")
 

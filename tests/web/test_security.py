@@ -13,7 +13,7 @@ from ecat.web import Server
 from ecat.web.security import MOST_BODY_BYTES, Access, host_name
 
 if TYPE_CHECKING:
-    from conftest import Browser
+    from tests.web.conftest import Browser
 
 PROJECT = "/api/project"
 

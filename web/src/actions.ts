@@ -3,7 +3,7 @@
 import { span } from "./document";
 import { type Context, enclosing, guessRoles, type Labelled, press, pressAll, rolesField } from "./labelling";
 import { type App, MACHINE, type Selected, SPEEDS } from "./state";
-import type { EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
+import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
 
 /** The id of the first element of a kind that a record added. */
 export function addedId(record: RecordJson, kind: "object" | "event" | "relation"): string | null {
@@ -86,24 +86,24 @@ export async function newSubEvent(app: App): Promise<void> {
 
 /** The key of an event type was pressed. */
 export function pressLabel(app: App, type: EventType): Promise<void> {
-  return labelling(app, (frame) => press(app.running, type, frame, labelContext(app)));
+  return labelling(app, (frame, object) => press(app.running, type, frame, labelContext(app, object)));
 }
 
 export function closeLabels(app: App): Promise<void> {
-  return labelling(app, (frame) => pressAll(app.running, frame, labelContext(app)));
+  return labelling(app, (frame, object) => pressAll(app.running, frame, labelContext(app, object)));
 }
 
-function labelContext(app: App): Context {
-  return { document: app.document, scheme: app.scheme, object: actedUpon(app) };
+function labelContext(app: App, object: string | null): Context {
+  return { document: app.document, scheme: app.scheme, object };
 }
 
 /** Keys may come faster than answers: each is worked out when the one before has been written. */
 let labels: Promise<void> = Promise.resolve();
 
-function labelling(app: App, work: (frame: number) => Labelled): Promise<void> {
+function labelling(app: App, work: (frame: number, object: string | null) => Labelled): Promise<void> {
   const { frame } = app.cursor;
   labels = labels.then(async () => {
-    const { operations, running, written } = work(frame);
+    const { operations, running, written } = work(frame, await actedUpon(app));
     if (operations.length > 0) {
       if (app.document.scheme === "" && app.scheme.name !== "") operations.unshift({ op: "set_scheme", name: app.scheme.name });
       const record = await attempt(app, operations);
@@ -123,22 +123,44 @@ function labelling(app: App, work: (frame: number) => Labelled): Promise<void> {
 async function addFound(app: App, name: string, tier: string, start: number, end: number): Promise<RecordJson | null> {
   const type = app.scheme.event_types.find((t) => t.name === name);
   const parent = enclosing(app.document, tier, start, end, app.scheme);
-  const roles = guessRoles(type, parent, actedUpon(app), app.document);
+  const roles = guessRoles(type, parent, await actedUpon(app), app.document);
   const record = await attempt(app, { op: "add_event", type: name, tier, segments: [[start, end]], parent: parent?.id ?? null, roles: rolesField(roles) });
   selectOwn(app, "event", record && addedId(record, "event"));
   return record;
 }
 
-function actedUpon(app: App): string | null {
-  return app.selection.findLast((s) => s.kind === "object")?.id ?? lastObject.get(app) ?? null;
-}
-
-/** The object that was selected last: it stays the one acted upon while events are labelled. */
-const lastObject = new WeakMap<App, string>();
+/** The object that was selected last stays the one acted upon while events are labelled. */
+const lastObject = new WeakMap<App, Selected>();
 
 export function rememberObject(app: App): void {
   const selected = app.selection.findLast((s) => s.kind === "object");
-  if (selected !== undefined) lastObject.set(app, selected.id);
+  if (selected !== undefined) lastObject.set(app, selected);
+}
+
+async function actedUpon(app: App): Promise<string | null> {
+  const chosen = lastObject.get(app);
+  return chosen === undefined ? null : ownObject(app, chosen.layer, chosen.id);
+}
+
+/**
+ * The id in the edited layer of an object of any layer: what the machine tracked is taken over where it is needed,
+ * under its own id if that is free, because tables name it so.
+ */
+export async function ownObject(app: App, layer: string, id: string): Promise<string | null> {
+  const theirs = app.layers.get(layer)?.document.object(id);
+  if (layer === app.activeLayer || theirs === undefined) return layer === app.activeLayer && theirs ? id : null;
+  const same = app.document.objects.list.find((o) => o.kind === theirs.kind && o.name === theirs.name);
+  if (same !== undefined) return same.id;
+  const { kind, name, color, semantic_type, dimensions, stream, line_width } = theirs;
+  const free = app.document.object(id) === undefined ? { id } : {};
+  const record = await attempt(app, { op: "add_object", kind, name, color, semantic_type, dimensions, stream, line_width, ...free });
+  return record && addedId(record, "object");
+}
+
+/** Objects of the machine's that the edited layer has no copy of. */
+export function trackedObjects(app: App): AnnotatedObject[] {
+  const own = app.document.objects.list;
+  return (app.machine?.objects.list ?? []).filter((m) => !own.some((o) => o.kind === m.kind && o.name === m.name));
 }
 
 export async function removeSelected(app: App): Promise<void> {
@@ -362,7 +384,8 @@ const WORDS: Record<string, string> = {
 /** An operation in a few words, for the history. */
 export function describe(operation: Operation | Operation[]): string {
   if (Array.isArray(operation)) {
-    const first = operation[0];
+    // Of a step of several, what was added says more than what had to make room for it.
+    const first = operation.find((o) => o.op === "edit_event" && o.type) ?? operation.find((o) => o.op.startsWith("add_") && o.type) ?? operation[0];
     return first === undefined ? "nothing" : operation.length === 1 ? describe(first) : `${describe(first)} and ${operation.length - 1} more`;
   }
   const inner = operation.operations;

@@ -102,7 +102,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
           onclick: () => void take(verdict),
         }, label))),
         one.kind === "object" ? h("p.muted", null, "Objects come along with the events that need them.") : null),
-      h("div", { role: "listbox", "aria-label": "Disagreements" }, found.disagreements.slice(0, 500).map((d, i) => h("div.list-row.history-row", {
+      h("div", { role: found.disagreements.length > 0 ? "listbox" : null, "aria-label": found.disagreements.length > 0 ? "Disagreements" : null }, found.disagreements.slice(0, 500).map((d, i) => h("div.list-row.history-row", {
         role: "option", "aria-selected": String(i === current), "data-testid": `disagreement-${i}`,
         onclick: () => {
           at = i;

@@ -9,6 +9,8 @@ import { Measured, type Preview, type Ring, shapeUnder, type VisibleShape, visib
 import { h, isTyping } from "./dom";
 import { annotatedPane } from "./player";
 import type { Pane } from "./player/pane";
+import { follow, followOrCancel } from "./pointer";
+import { bonesOf } from "./skeleton";
 import type { App, Selected } from "./state";
 
 /** How near, in CSS pixels, a click has to come. */
@@ -29,6 +31,7 @@ class ShapeCanvas {
   private readonly list = h("div.visually-hidden", { role: "group", "aria-label": "Shapes in the image" });
   private readonly handles: Handles;
   private readonly measured: Measured;
+  private readonly bones: ReturnType<typeof bonesOf>;
   private readonly offs: (() => void)[];
   private shapes: VisibleShape[] = [];
   private rings: Ring[] = [];
@@ -44,6 +47,7 @@ class ShapeCanvas {
     private readonly app: App,
     private readonly pane: Pane,
   ) {
+    this.bones = bonesOf(app);
     this.measured = new Measured(app, () => this.queue());
     this.handles = new Handles({
       view: () => pane.view,
@@ -108,7 +112,7 @@ class ShapeCanvas {
     context.clearRect(0, 0, width, height);
     if (pane.source === "none") drawBlank(context, pane.image, pane.view);
     drawRings(context, this.rings, pane.view, chosen);
-    drawSkeletons(context, skeletons, pane.view);
+    drawSkeletons(context, skeletons, this.bones, pane.view);
     const isChosen = (shape: VisibleShape) => app.selection.some((s) => s.kind === "object" && s.id === shape.object.id && s.layer === shape.layer);
     for (const shape of this.shapes) if (!isChosen(shape)) drawShape(context, shape, pane.view, false);
     for (const shape of this.shapes) if (isChosen(shape)) drawShape(context, shape, pane.view, true);
@@ -204,30 +208,21 @@ class ShapeCanvas {
     return layer ? { kind: "object", id, layer: layer.name } : null;
   }
 
-  private follow(event: PointerEvent, move: (p: Point, e: PointerEvent) => void, done: () => void): void {
-    this.canvas.setPointerCapture(event.pointerId);
-    const onMove = (e: PointerEvent) => move(this.at(e), e);
-    this.canvas.addEventListener("pointermove", onMove);
-    this.canvas.addEventListener("lostpointercapture", () => {
-      this.canvas.removeEventListener("pointermove", onMove);
-      done();
-    }, { once: true });
-  }
-
   private dragShape(event: PointerEvent, shape: VisibleShape): void {
     const start = this.at(event);
     let now: number[] | null = null;
-    this.follow(event, (p, e) => {
+    followOrCancel(this.canvas, event, (e) => {
+      const p = this.at(e);
       if (now === null && Math.hypot(e.clientX - event.clientX, e.clientY - event.clientY) < 3) return;
       now = moved(shape.object.kind, shape.coordinates, p.x - start.x, p.y - start.y);
       this.hold(now);
-    }, () => (now ? void this.store(now) : this.release()));
+    }, (cancelled) => (now && !cancelled ? void this.store(now) : this.release()));
   }
 
   private dragRectangle(event: PointerEvent, start: Point): void {
     this.draft = [start, start];
-    this.follow(event, (p) => {
-      if (this.draft) this.draft = [start, this.within(p)];
+    follow(this.canvas, event, (e) => {
+      if (this.draft) this.draft = [start, this.within(this.at(e))];
       this.queue();
     }, () => {
       const draft = this.draft;

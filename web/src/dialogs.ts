@@ -4,11 +4,11 @@ import { changedId, type Conflict } from "./conflict";
 import { describe } from "./actions";
 import { h, iconButton } from "./dom";
 import type { App, Notice } from "./state";
-import type { Change } from "./types";
+import type { Change, Operation } from "./types";
 
 export interface DialogParts {
   title: string;
-  body: (Node | string)[];
+  body: (Node | string | null)[];
   foot?: HTMLElement[];
   size?: "narrow" | "wide-dialog" | "full-dialog";
   testId: string;
@@ -66,23 +66,38 @@ export async function askText(title: string, label: string, value: string, yes: 
   return (await closed) === "yes" ? input.value.trim() : null;
 }
 
-function brief(element: Record<string, unknown> | null): Record<string, unknown> {
-  const { id: _id, t_ns: _t, ...rest } = element ?? {};
-  return rest;
+type Json = Record<string, unknown>;
+
+/** A field's value as a person would say it. */
+function said(key: string, value: unknown): string {
+  const list = Array.isArray(value) ? (value as Json[]) : [];
+  if (key === "segments") return list.map((s) => (Array.isArray(s) ? s.join("–") : `${String(s.start_frame)}–${String(s.end_frame)}`)).join(", ");
+  if (key === "roles" && Array.isArray(value)) return list.map((r) => `${String(r.name)}: ${String(r.target)}`).join(", ");
+  if (key === "arguments") return list.map((a) => String(a.target ?? a)).join(", ");
+  if (key === "links") return list.map((l) => `${String(l.type)} ${String(l.target)}`).join(", ");
+  if (key === "references") return list.map((r) => `${String(r.start)}–${String(r.end)} ${String(r.target)}`).join(", ");
+  if (key === "properties") return list.map((p) => `${String(p.name)} = ${String(p.value)}`).join(", ");
+  if (key === "key_frames" || key === "key_frames_3d") return `at ${list.map((k) => String(k.frame)).join(", ")}`;
+  return (typeof value === "string" ? value : (JSON.stringify(value) ?? "")).slice(0, 200);
 }
 
-/** What a change did, field by field. */
-export function changeView(change: Change): HTMLElement {
-  const before = brief(change.before);
-  const after = brief(change.after);
-  const lines: HTMLElement[] = [];
-  const text = (value: unknown): string => (typeof value === "string" ? value : JSON.stringify(value)?.slice(0, 200)) ?? "";
-  for (const key of new Set([...Object.keys(before), ...Object.keys(after)])) {
-    if (JSON.stringify(before[key]) === JSON.stringify(after[key])) continue;
-    lines.push(h("div.change", null, `${key}: `, key in before && h("del", null, text(before[key])), " ", key in after && h("ins", null, text(after[key]))));
-  }
+const UNSAID = new Set(["id", "t_ns", "start_ns", "end_ns", "object_counter", "event_counter", "relation_counter", "foreign"]);
+
+/** What a change did, field by field; null for what nobody wants to know, such as counters. */
+export function changeView(change: Change): HTMLElement | null {
+  const [before, after] = [change.before ?? {}, change.after ?? {}];
+  const keys = [...new Set([...Object.keys(before), ...Object.keys(after)])].filter((key) => !UNSAID.has(key));
+  const lines = keys.filter((key) => JSON.stringify(before[key]) !== JSON.stringify(after[key])).map((key) => h("div.change", null,
+    `${key.replaceAll("_", " ")}: `, key in before && h("del", null, said(key, before[key])), key in before && key in after && " ", key in after && h("ins", null, said(key, after[key]))));
+  if (change.kind === "layer" && lines.length === 0) return null;
   const verb = change.before === null ? "added" : change.after === null ? "removed" : "changed";
-  return h("div", null, h("strong", null, `${change.kind.replaceAll("_", " ")} ${change.id} ${verb}`), change.after === null ? [] : lines);
+  return h("div", null, h("strong", null, [change.kind.replaceAll("_", " "), change.id, verb].filter(Boolean).join(" ")), change.after === null ? [] : lines);
+}
+
+/** What an operation of one's own would set. */
+function mine(operation: Operation): HTMLElement {
+  const fields = Object.entries(operation).filter(([key, value]) => key !== "op" && key !== "id" && value !== null);
+  return h("div.change", null, `${describe(operation)} `, fields.map(([key, value]) => h("ins", null, `${key.replaceAll("_", " ")}: ${said(key, value)}`)));
 }
 
 async function askConflict({ operations, touched }: Conflict): Promise<boolean> {
@@ -93,7 +108,8 @@ async function askConflict({ operations, touched }: Conflict): Promise<boolean> 
     body: [
       h("p", null, `${authors} changed ${things} before your edit (${describe(operations)}) arrived:`),
       ...touched.map((t) => changeView(t.change)),
-      h("p.muted", null, "Nothing is lost either way: both are in the history."),
+      h("div", null, h("strong", null, "Yours"), operations.map(mine)),
+      h("p.muted", null, "Theirs stays in the history if you apply yours on top."),
     ],
     foot: [closing("Keep theirs", "", "", "conflict-theirs"), closing("Apply mine on top", "mine", "primary", "conflict-mine")],
   });

@@ -19,6 +19,7 @@ export function openHistory(app: App): void {
   let oldest = Infinity;
 
   const show = (): void => {
+    list.setAttribute("role", records.length > 0 ? "listbox" : "group");
     fill(list, records.map((r) => item(r, r.revision === chosen, () => {
       chosen = r.revision;
       show();
@@ -65,7 +66,7 @@ function item(record: RecordJson, selected: boolean, choose: () => void): HTMLEl
     h("span.at", null, String(record.revision)), h("span.grow", null, describe(record.operation)), h("span.at", null, record.author));
 }
 
-function details(app: App, record: RecordJson): HTMLElement[] {
+function details(app: App, record: RecordJson): (HTMLElement | null)[] {
   const restore = (revision: number) => (): void => {
     void app.restore(revision).then(() => app.notify(`The layer is again as after revision ${revision}.`, "Ctrl+Z takes this back.")).catch(() => undefined);
   };

@@ -122,7 +122,7 @@ function emptyPanel(app: App): HTMLElement[] {
     h("div.hint", null, line(["Space"], "play"), line(["I"], "mark the start"), line(["O"], "mark the end"), line(["E"], "new event"), line(["N"], "new sub-event"),
       line(["R"], "draw a rectangle"), line(["?"], "all shortcuts")),
     typed.length > 0 ? h("div.section", null, h("h3", null, "Labels while playing"), h("div.label-keys", null, typed.map((t) => h("div", null, h("kbd", null, t.key), ` ${t.name}`)))) : null,
-    open > 0 ? h("p.muted", null, `The machine proposes ${open} events; they are drawn hollow.`) : null,
+    open > 0 ? h("p.muted", null, `The machine proposes ${open} event${open === 1 ? "" : "s"}, drawn hollow.`) : null,
     h("div.actions", null, h("button.button", { type: "button", onclick: () => void newEvent(app), "data-testid": "new-event" }, "New event at the cursor")),
   ].filter((e) => e !== null);
 }

@@ -2,6 +2,7 @@
 
 import "./stage.css";
 import { h } from "./dom";
+import { follow } from "./pointer";
 import type { App } from "./state";
 import { onTheme, palette } from "./theme";
 import { nth } from "./timeline/colors";
@@ -131,9 +132,7 @@ class Plots {
     if (event.button !== 0) return;
     const left = canvas.getBoundingClientRect().left;
     const move = (e: PointerEvent) => this.app.seek(Math.floor(this.shared.axis.frame(e.clientX - left)));
-    canvas.setPointerCapture(event.pointerId);
-    canvas.addEventListener("pointermove", move);
-    canvas.addEventListener("lostpointercapture", () => canvas.removeEventListener("pointermove", move), { once: true });
+    follow(canvas, event, move);
     move(event);
   }
 

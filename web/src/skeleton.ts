@@ -1,16 +1,9 @@
-// Bones of the Kinect v2's 25 joints; of a body with other joints, those are drawn whose two ends it has.
+// Which joints are joined: as the server says it of the bodies that were recorded.
 
-const CHAINS = [
-  "SpineBase SpineMid SpineShoulder Neck Head",
-  "SpineShoulder ShoulderLeft ElbowLeft WristLeft HandLeft HandTipLeft",
-  "SpineShoulder ShoulderRight ElbowRight WristRight HandRight HandTipRight",
-  "WristLeft ThumbLeft",
-  "WristRight ThumbRight",
-  "SpineBase HipLeft KneeLeft AnkleLeft FootLeft",
-  "SpineBase HipRight KneeRight AnkleRight FootRight",
-];
+import type { App } from "./state";
 
-export const BONES: readonly (readonly [string, string])[] = CHAINS.flatMap((chain) => {
-  const joints = chain.split(" ");
-  return joints.slice(1).map((joint, i) => [joints[i]!, joint] as const);
-});
+export function bonesOf(app: App): readonly (readonly [string, string])[] {
+  const found = new Map<string, [string, string]>();
+  for (const body of app.session?.bodies ?? []) for (const bone of body.bones) found.set(bone.join(" "), bone);
+  return [...found.values()];
+}

@@ -6,7 +6,8 @@
 import "./stage.css";
 import { inside } from "./canvas/shapes";
 import { h } from "./dom";
-import { BONES } from "./skeleton";
+import { follow } from "./pointer";
+import { bonesOf } from "./skeleton";
 import { Orbit, type Seen } from "./space/orbit";
 import { type Box, Scene } from "./space/scene";
 import { visibleFaces } from "./space/solid";
@@ -39,6 +40,7 @@ class Space {
   private readonly described = h("p.visually-hidden", { "data-testid": "space-text" });
   private readonly orbit = new Orbit();
   private readonly scene: Scene;
+  private readonly bones: ReturnType<typeof bonesOf>;
   private readonly offs: (() => void)[];
   private readonly observer: ResizeObserver;
   private faces: { object: string; points: readonly Seen[] }[] = [];
@@ -51,6 +53,7 @@ class Space {
     private readonly host: HTMLElement,
     private readonly app: App,
   ) {
+    this.bones = bonesOf(app);
     this.scene = new Scene(app, () => {
       if (!this.touched) this.home();
       this.queue();
@@ -123,7 +126,6 @@ class Space {
       let [x, y] = [event.clientX, event.clientY];
       let far = 0;
       const slide = event.button !== 0 || event.shiftKey;
-      canvas.setPointerCapture(event.pointerId);
       const move = (e: PointerEvent) => {
         const [dx, dy] = [e.clientX - x, e.clientY - y];
         [x, y] = [e.clientX, e.clientY];
@@ -133,11 +135,9 @@ class Space {
         else orbit.turn(dx, dy);
         this.queue();
       };
-      canvas.addEventListener("pointermove", move);
-      canvas.addEventListener("lostpointercapture", () => {
-        canvas.removeEventListener("pointermove", move);
+      follow(canvas, event, move, () => {
         if (far < 4 && event.button === 0) this.pick(event);
-      }, { once: true });
+      });
     });
   }
 
@@ -293,7 +293,7 @@ class Space {
 
   private *skeletons(context: CanvasRenderingContext2D, project: Project, frame: number): Generator<Piece> {
     for (const { joints, sure } of this.scene.bodies(frame)) {
-      for (const [from, to] of BONES) {
+      for (const [from, to] of this.bones) {
         const [p, q] = [joints.get(from), joints.get(to)];
         const [a, b] = [p ? project(p) : null, q ? project(q) : null];
         if (!a || !b) continue;

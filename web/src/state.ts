@@ -4,110 +4,20 @@
 import { Api, ApiError, liveMessage } from "./api";
 import { type Conflict, decideConflict } from "./conflict";
 import { Document, schemeFromJson, span } from "./document";
+import { type Cursor, type ElementKind, Emitter, type LayerState, type Marks, type Running, type SaveState, type Selected, type Settings } from "./events";
 import type {
-  AnnotatedObject, Change, EcatEvent, EditAnswer, LayerAnswer, LayerJson, Operation, Person, Proxy, RecordJson, Relation, Scheme, SessionInfo,
+  AnnotatedObject, EcatEvent, EditAnswer, LayerAnswer, LayerJson, Operation, Person, RecordJson, Relation, Scheme, SessionInfo,
 } from "./types";
 
 export const MACHINE = "machine";
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4];
-
-export type Tool = "select" | "rectangle" | "polygon" | "point";
-export type SaveState = "saved" | "saving" | "offline";
-export type ElementKind = "object" | "event" | "relation";
-
-export interface Selected {
-  kind: ElementKind;
-  id: string;
-  layer: string;
-  /** Which segment of an event. */
-  segment?: number;
-}
-
-export interface Cursor {
-  frame: number;
-  playing: boolean;
-  speed: number;
-  /** Frames [start, end) that playback repeats. */
-  loop: [number, number] | null;
-}
-
-/** A label whose key has been pressed while playing and that is not closed yet. */
-export interface Running {
-  /** Empty for a whole whose parts are labelled before it. */
-  type: string;
-  tier: string;
-  start: number;
-  /** Its event, which grows, once it is written. */
-  id?: string;
-}
-
-export interface Settings {
-  theme: "system" | "light" | "dark";
-  author: string;
-  tool: Tool;
-  /** Whether proposals of the machine layer are drawn (hollow). */
-  proposals: boolean;
-  /** The tier and type that a new event takes. */
-  lastType: string;
-  lastTier: string;
-  plots: string[];
-  panes: Record<string, number>;
-}
-
-export interface LayerState {
-  name: string;
-  document: Document;
-  revision: number;
-  canUndo: boolean;
-  canRedo: boolean;
-  /** False: it does not exist on disk until the first edit. */
-  exists: boolean;
-}
-
-/** `changes` is null when the whole layer is new. */
-export interface LayerEvent {
-  layer: string;
-  changes: Change[] | null;
-}
-
-export interface Notice {
-  kind: "info" | "error";
-  text: string;
-  detail?: string;
-}
-
-export interface AppEvents {
-  /** Frame, playing, speed or loop changed. `byPlayer`: the player itself moved on, the video need not be sought. */
-  cursor: Cursor & { byPlayer: boolean };
-  /** An element of a shown layer changed. */
-  layer: LayerEvent;
-  /** Which layers are shown, and which one is edited. */
-  layers: null;
-  selection: Selected[];
-  session: SessionInfo | null;
-  settings: Settings;
-  people: Person[];
-  save: SaveState;
-  running: Running[];
-  /** The marks I and O. */
-  marks: Marks;
-  proxy: { stream: string; proxy: Proxy };
-  notice: Notice;
-}
-
-export interface Marks {
-  start: number | null;
-  end: number | null;
-}
-
-type Listener<K extends keyof AppEvents> = (value: AppEvents[K]) => void;
 
 const SETTINGS_KEY = "ecat.settings";
 const DEFAULT_SETTINGS: Settings = {
   theme: "system", author: "", tool: "select", proposals: true, lastType: "", lastTier: "", plots: [], panes: {},
 };
 
-export class App {
+export class App extends Emitter {
   readonly api = new Api();
   session: SessionInfo | null = null;
   scheme: Scheme = schemeFromJson(null);
@@ -131,7 +41,6 @@ export class App {
   /** Asks for the annotator's name. Set by the shell. */
   askAuthor: () => Promise<string | null> = () => Promise.resolve(null);
 
-  private readonly listeners = new Map<keyof AppEvents, Set<Listener<never>>>();
   private socket: WebSocket | null = null;
   private me = "";
   private opening = 0;
@@ -143,6 +52,7 @@ export class App {
   private readonly early = new Map<string, RecordJson[]>();
 
   constructor() {
+    super();
     try {
       this.settings = { ...DEFAULT_SETTINGS, ...(JSON.parse(localStorage.getItem(SETTINGS_KEY) ?? "{}") as Partial<Settings>) };
     } catch {
@@ -151,18 +61,7 @@ export class App {
     this.settings.tool = "select";
   }
 
-  // --- events
-
-  on<K extends keyof AppEvents>(name: K, listener: Listener<K>): () => void {
-    const set = this.listeners.get(name) ?? new Set();
-    this.listeners.set(name, set);
-    set.add(listener as Listener<never>);
-    return () => set.delete(listener as Listener<never>);
-  }
-
-  private emit<K extends keyof AppEvents>(name: K, value: AppEvents[K]): void {
-    for (const listener of [...(this.listeners.get(name) ?? [])]) (listener as Listener<K>)(value);
-  }
+  // --- messages
 
   notify(text: string, detail?: string): void {
     this.emit("notice", { kind: "info", text, detail });
@@ -303,14 +202,15 @@ export class App {
   private async load(name: string): Promise<void> {
     const session = this.session;
     if (session === null) throw new Error("No session is open.");
+    const layer = emptyLayer(name);
     try {
-      const answer = await this.api.layer(session.id, name, this.settings.author);
-      const layer = emptyLayer(name);
+      // One that nobody has made yet is made by the first edit.
+      const known = session.layers.some((l) => l.name === name) || this.layers.get(name)?.elsewhere === true;
+      if (known) this.put(layer, await this.api.layer(session.id, name, this.settings.author));
       this.layers.set(name, layer);
-      this.put(layer, answer);
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
-      this.layers.set(name, emptyLayer(name));
+      this.layers.set(name, layer);
     }
   }
 
@@ -423,6 +323,12 @@ export class App {
   private receive(name: string, record: RecordJson): void {
     const layer = this.layers.get(name);
     if (layer === undefined || record.revision <= layer.revision) return;
+    if (!layer.exists) {
+      // Somebody else made it.
+      layer.elsewhere = true;
+      this.reload(name).catch((error: unknown) => this.fail(error));
+      return;
+    }
     if (record.revision > layer.revision + 1) {
       const early = this.early.get(name) ?? [];
       this.early.set(name, [...early, record]);
@@ -481,7 +387,7 @@ export class App {
       // What was missed while the connection was down.
       for (const [name, revision] of Object.entries(message.revisions)) {
         const layer = this.layers.get(name);
-        if (layer !== undefined && layer.revision < revision) this.reload(name).catch((error: unknown) => this.fail(error));
+        if (layer !== undefined && layer.revision < revision && (layer.exists || (layer.elsewhere = true))) this.reload(name).catch((error: unknown) => this.fail(error));
       }
     } else if (message.type === "presence") {
       this.people = message.people.filter((p) => p.id !== this.me);
@@ -603,3 +509,4 @@ function emptyLayer(name: string): LayerState {
 }
 
 export { span };
+export type * from "./events";

@@ -5,6 +5,7 @@ import { acceptSelected, rejectSelected } from "./actions";
 import { ask } from "./dialogs";
 import { h } from "./dom";
 import { glyph } from "./player/glyphs";
+import { follow, followOrCancel } from "./pointer";
 import { type App, MACHINE, type Selected } from "./state";
 import { onTheme, palette } from "./theme";
 import { beginDraft, type Drag, drop, pickUp, pull, shownFrame } from "./timeline/drag";
@@ -67,8 +68,8 @@ class Timeline {
     this.mirror = new Mirror(app, this.rows, this.shared.axis, (layer, bar) => this.choose(layer, bar, false));
     this.overview = new Overview(app, this.shared, this.rows);
     this.verdict = h("div.tl-verdict", { hidden: true, role: "group", "aria-label": "Proposal" },
-      this.verdictButton("check", "Accept (Enter)", "accept", () => void acceptSelected(app)),
-      this.verdictButton("cross", "Reject (Delete)", "reject", () => void rejectSelected(app)));
+      this.verdictButton("check", "Accept (Enter)", "timeline-accept", () => void acceptSelected(app)),
+      this.verdictButton("cross", "Reject (X)", "timeline-reject", () => void rejectSelected(app)));
     this.view.append(this.lanes, this.mirror.element, this.verdict, this.gutter.element, this.empty);
     this.scroller.append(this.view, this.spacer);
     this.root = h("div.timeline", null,
@@ -351,8 +352,6 @@ class Timeline {
   private hold(event: PointerEvent, drag: Drag): void {
     const from = event.clientX;
     const slack = drag.ghost.id === "" ? SLACK_PX + 1 : SLACK_PX;
-    this.view.setPointerCapture(event.pointerId);
-    let cancelled = false;
     const move = (e: PointerEvent) => {
       if (!drag.moved && Math.abs(e.clientX - from) < slack) return;
       this.drag = drag;
@@ -361,17 +360,7 @@ class Timeline {
       this.app.seek(shownFrame(drag));
       this.queue();
     };
-    const key = (e: KeyboardEvent) => {
-      if (e.key !== "Escape") return;
-      e.stopPropagation();
-      cancelled = true;
-      this.view.releasePointerCapture(event.pointerId);
-    };
-    window.addEventListener("keydown", key, true);
-    this.view.addEventListener("pointermove", move);
-    this.view.addEventListener("lostpointercapture", () => {
-      this.view.removeEventListener("pointermove", move);
-      window.removeEventListener("keydown", key, true);
+    followOrCancel(this.view, event, move, (cancelled) => {
       if (cancelled || !drag.moved) {
         this.drag = null;
         // a press on an empty lane goes there
@@ -383,29 +372,26 @@ class Timeline {
         if (this.drag === drag) this.drag = null;
         this.queue();
       });
-    }, { once: true });
+    });
   }
 
   private panWith(event: PointerEvent): void {
     event.preventDefault();
     let [x, y] = [event.clientX, event.clientY];
-    this.view.setPointerCapture(event.pointerId);
-    const move = (e: PointerEvent) => {
+    follow(this.view, event, (e) => {
       this.shared.axis.scroll(x - e.clientX);
       this.scroller.scrollTop += y - e.clientY;
       [x, y] = [e.clientX, e.clientY];
       this.shared.changed();
-    };
-    this.view.addEventListener("pointermove", move);
-    this.view.addEventListener("lostpointercapture", () => this.view.removeEventListener("pointermove", move), { once: true });
+    });
   }
 
   /** A double click goes to the start of what it hits and repeats it. */
   private onDouble(event: MouseEvent): void {
     const bar = this.hit(event)?.bar;
     if (!bar) return;
-    this.app.setLoop([bar.start, Math.min(bar.end, this.app.nFrames)]);
     this.app.seek(bar.start);
+    this.app.setLoop([bar.start, Math.min(bar.end, this.app.nFrames)]);
   }
 
   /** The ruler moves the cursor; with Shift it sets the marks. */
@@ -413,14 +399,12 @@ class Timeline {
     if (event.button !== 0) return;
     const { app } = this;
     const start = Math.round(this.frameAt(event));
-    this.ruler.setPointerCapture(event.pointerId);
     const move = (e: PointerEvent) => {
       const frame = this.frameAt(e);
       if (event.shiftKey) app.setMarks({ start: Math.min(start, Math.round(frame)), end: Math.max(start, Math.round(frame)) });
       app.seek(Math.floor(frame));
     };
-    this.ruler.addEventListener("pointermove", move);
-    this.ruler.addEventListener("lostpointercapture", () => this.ruler.removeEventListener("pointermove", move), { once: true });
+    follow(this.ruler, event, move);
     if (!event.shiftKey) move(event);
   }
 
@@ -428,6 +412,7 @@ class Timeline {
     cancelAnimationFrame(this.queued);
     this.observer.disconnect();
     this.mirror.destroy();
+    this.overview.destroy();
     for (const off of this.offs) off();
     this.host.replaceChildren();
   }

@@ -117,27 +117,24 @@ class SplitEvent(Operation):
         if extent is None or not extent[0] < self.frame < extent[1]:
             where = "nowhere" if extent is None else f"at frames {extent[0]} to {extent[1]}"
             raise edit.refusal(f"event {self.id} is {where}, frame {self.frame} is not inside of it")
-        self._split(edit, edit.event(self.id), None)
+        seconds: dict[str, str] = {}
+        for event in edit.document.tree(self.id):
+            start, end = span(event) or (0, 0)
+            if event.id == self.id or start < self.frame < end:
+                seconds[event.id] = self._split(edit, event, seconds.get(event.parent or ""))
+            elif start >= self.frame and event.parent in seconds:
+                edit.put(replace(event, parent=seconds[event.parent]))
 
-    def _split(self, edit: Edit, event: Event, parent: str | None) -> None:
-        """Split ``event``, whose second half is a part of ``parent`` (of what it was a part of, by default)."""
+    def _split(self, edit: Edit, event: Event, parent: str | None) -> str:
+        """Split ``event``; the id of the second half, a part of ``parent`` (of what it was a part of, by default)."""
         first, second = _divided(edit, event.segments, self.frame)
-        children = edit.document.children(event.id)
         name = edit.new_id("event")
         edit.put(replace(event, segments=first))
-        place = edit.document.position("event", event.id) + 1
-        edit.put(
-            replace(
-                event, id=name, segments=second, parent=parent or event.parent, author=edit.author, foreign=()
-            ),
-            place,
+        new = replace(
+            event, id=name, segments=second, parent=parent or event.parent, author=edit.author, foreign=()
         )
-        for child in children:
-            start, end = span(child) or (0, 0)
-            if start >= self.frame:
-                edit.put(replace(child, parent=name))
-            elif end > self.frame:
-                self._split(edit, child, name)
+        edit.put(new, edit.document.position("event", event.id) + 1)
+        return name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,11 +218,9 @@ def type_tier(edit: Edit, kind: str) -> str:
 
 def remove_tree(edit: Edit, name: str) -> None:
     """Remove an event with its sub-events, and whatever names them."""
-    for child in edit.document.children(name):
-        if edit.document.event(child.id) is not None:
-            remove_tree(edit, child.id)
-    forget_event(edit, name)
-    edit.drop("event", name)
+    for event in reversed(edit.document.tree(name)):
+        forget_event(edit, event.id)
+        edit.drop("event", event.id)
 
 
 def joined(edit: Edit, segments: list[Segment]) -> tuple[Segment, ...]:

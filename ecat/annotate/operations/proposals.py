@@ -9,7 +9,7 @@ from ecat.annotate.operations.base import Edit, Operation
 from ecat.annotate.operations.relations import put_relation
 from ecat.model import AnnotatedObject, Event, Layer, Relation, Segment
 from ecat.model.annotation import Decision, Verdict
-from ecat.model.document import owner_of
+from ecat.model.document import Document, owner_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class RejectProposal(Operation):
     def perform(self, edit: Edit) -> None:
         """Say so."""
         layer, element = proposed(edit, self.proposal)
-        parts = _tree(layer, element) if isinstance(element, Event) else [element]
+        parts = Document(layer).tree(element.id) if isinstance(element, Event) else [element]
         for part in parts:
             proposal = f"{layer.name}/{part.id}"
             decided = edit.document.decision(proposal)
@@ -74,21 +74,6 @@ def proposed(edit: Edit, proposal: str) -> tuple[Layer, Event | Relation]:
 def decide(edit: Edit, proposal: str, verdict: Verdict, result: str = "") -> None:
     """Record a decision."""
     edit.put(Decision(proposal=proposal, verdict=verdict, result=result, author=edit.author))
-
-
-def _tree(layer: Layer, event: Event) -> list[Event]:
-    """An event and its sub-events, parents first."""
-    children: dict[str, list[Event]] = {}
-    for other in layer.events:
-        if other.parent is not None:
-            children.setdefault(other.parent, []).append(other)
-    found, seen = [event], {event.id}
-    for parent in found:
-        for child in children.get(parent.id, ()):
-            if child.id not in seen:
-                seen.add(child.id)
-                found.append(child)
-    return found
 
 
 @dataclass
@@ -120,7 +105,7 @@ class _Copy:
         edit = self.edit
         whole = _adjusted(edit, event.segments, asked.start_frame, asked.end_frame)
         copies: list[tuple[Event, tuple[Segment, ...]]] = []
-        for part in _tree(self.layer, event):
+        for part in Document(self.layer).tree(event.id):
             segments = whole if part is event else _clipped(edit, part.segments, whole)
             decided = edit.document.decision(f"{self.layer.name}/{part.id}")
             lost = part.parent not in self.names if part is not event else False

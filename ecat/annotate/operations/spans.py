@@ -30,7 +30,7 @@ class MoveEdge(Operation):
     """Let a segment start or end at another frame.
 
     Where the event becomes shorter than its sub-events, these are cut (``clip``; one of which nothing is left is
-    removed), or the move is refused.
+    removed), or the move is refused.  On a tier whose events divide others, the neighbour that it meets follows.
     """
 
     id: str
@@ -45,9 +45,25 @@ class MoveEdge(Operation):
         spans = spans_of(event)
         start, end = spans[_position(edit, event, self.segment)]
         spans[self.segment] = (self.frame, end) if self.edge == "start" else (start, self.frame)
+        for neighbour in self._neighbours(edit, event, start if self.edge == "start" else end):
+            first, last = spans_of(neighbour)[0]
+            moved = (first, self.frame) if self.edge == "start" else (self.frame, last)
+            set_segments(edit, neighbour, [moved])
         set_segments(edit, event, spans)
         if self.children == "clip":
             clip_children(edit, self.id)
+
+    def _neighbours(self, edit: Edit, event: Event, edge: int) -> list[Event]:
+        """The events that share the edge, where events divide their parent."""
+        tiers = edit.scheme.tiers if edit.scheme is not None else ()
+        divides = any(tier.name == event.tier and tier.constraint == "subdivision" for tier in tiers)
+        if not divides or event.parent is None or len(event.segments) > 1:
+            return []
+        siblings = (other for other in edit.document.children(event.parent) if other.tier == event.tier)
+        at = 1 if self.edge == "start" else 0
+        return [
+            s for s in siblings if s.id != event.id and len(s.segments) == 1 and spans_of(s)[0][at] == edge
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,13 +78,9 @@ class MoveEvent(Operation):
         event = edit.event(self.id)
         if not event.segments:
             raise edit.refusal(f"event {self.id} has no segments", "set its segments instead")
-        self._move(edit, event)
-
-    def _move(self, edit: Edit, event: Event) -> None:
-        set_segments(edit, event, [(s + self.frames, e + self.frames) for s, e in spans_of(event)])
-        for child in edit.document.children(event.id):
-            if child.segments:
-                self._move(edit, child)
+        for part in edit.document.tree(self.id):
+            if part.segments:
+                set_segments(edit, part, [(s + self.frames, e + self.frames) for s, e in spans_of(part)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,17 +138,17 @@ def set_segments(edit: Edit, event: Event, spans: Sequence[Span]) -> None:
 
 def clip_children(edit: Edit, name: str) -> None:
     """Cut the sub-events of an event, and theirs, to its span."""
-    extent = span(edit.event(name))
-    if extent is None:
-        return
-    for child in edit.document.children(name):
-        spans = [(max(s, extent[0]), min(e, extent[1])) for s, e in spans_of(child)]
+    for part in edit.document.tree(name)[1:]:
+        parent = edit.document.event(part.parent or "")
+        extent = None if parent is None else span(parent)
+        if extent is None or edit.document.event(part.id) is None:
+            continue
+        spans = [(max(s, extent[0]), min(e, extent[1])) for s, e in spans_of(part)]
         kept = [(s, e) for s, e in spans if s < e]
-        if child.segments and not kept:
-            remove_tree(edit, child.id)
-        elif kept != spans_of(child):
-            set_segments(edit, child, kept)
-            clip_children(edit, child.id)
+        if part.segments and not kept:
+            remove_tree(edit, part.id)
+        elif kept != spans_of(part):
+            set_segments(edit, part, kept)
 
 
 def _position(edit: Edit, event: Event, segment: int) -> int:

@@ -77,9 +77,18 @@ class _Rows:
             _dictionary(codes, self.book.codes),
             _dictionary(codes, self.book.texts).dictionary_decode(),
             pa.array(texts, pa.string()),
-            *(pa.array(np.ascontiguousarray(column), from_pandas=True) for column in rows.corners.T),
+            *_numbers(rows.corners),
         ]
         return pa.RecordBatch.from_arrays(columns, schema=schema.arrow)
+
+
+def _numbers(rows: NDArray[np.float64]) -> Iterator[pa.Array[Any]]:
+    """The columns of (n, columns), NaN as null; Arrow's own way from NumPy takes twice the time."""
+    columns = np.ascontiguousarray(rows.T)
+    there = np.packbits(~np.isnan(columns), axis=1, bitorder="little")
+    for values, valid in zip(columns, there, strict=True):
+        buffers: list[Any] = [pa.py_buffer(part.tobytes()) for part in (valid, values)]
+        yield pa.Array.from_buffers(pa.float64(), len(values), buffers)
 
 
 def _dictionary(numbers: NDArray[np.int32], values: Sequence[str | None]) -> Any:

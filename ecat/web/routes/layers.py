@@ -18,7 +18,7 @@ from ecat.web.shapes import (
     Signed,
     Step,
 )
-from ecat.web.site import TheLayer, TheSession
+from ecat.web.site import EDITED, TheLayer, TheSession
 
 router = APIRouter(prefix="/api/sessions/{sid}/layers/{layer}", tags=["layers"])
 Author = Annotated[str | None, Query(max_length=200, description="whose undo and redo are asked about")]
@@ -31,32 +31,32 @@ def layer(layer: TheLayer, request: Request, author: Author = None) -> Response:
     return packed_answer(request, layer.answer(author))
 
 
-@router.post("", response_model=LayerAnswer)
+@router.post("", response_model=LayerAnswer, dependencies=EDITED)
 async def create(opened: TheSession, layer: str, signed: Signed, request: Request) -> Response:
     """Make the layer, empty, unless it is there."""
     made = await opened.layer(layer, make=True)
     return packed_answer(request, made.answer(signed.author))
 
 
-@router.post("/operations", response_model=EditAnswer)
+@router.post("/operations", response_model=EditAnswer, dependencies=EDITED)
 async def operations(layer: TheLayer, edit: Edit) -> Response:
     """Do operations as one step of undo, all or none; what is answered is on the disk."""
     return Response(await layer.apply(edit.operations, edit.base, edit.author), media_type=JSON)
 
 
-@router.post("/undo", response_model=EditAnswer)
+@router.post("/undo", response_model=EditAnswer, dependencies=EDITED)
 async def undo(layer: TheLayer, step: Step) -> Response:
     """Undo this author's last step."""
     return Response(await layer.undo(step.base, step.author), media_type=JSON)
 
 
-@router.post("/redo", response_model=EditAnswer)
+@router.post("/redo", response_model=EditAnswer, dependencies=EDITED)
 async def redo(layer: TheLayer, step: Step) -> Response:
     """Do again what this author undid last."""
     return Response(await layer.redo(step.base, step.author), media_type=JSON)
 
 
-@router.post("/restore", response_model=EditAnswer)
+@router.post("/restore", response_model=EditAnswer, dependencies=EDITED)
 async def restore(layer: TheLayer, restore: Restore) -> Response:
     """Let the layer be as it was at a revision, as one more step."""
     return Response(await layer.restore(restore.revision, restore.author), media_type=JSON)

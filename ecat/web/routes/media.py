@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from ecat.errors import NotFoundError
+from ecat.errors import NotFoundError, UsageError
 from ecat.web.answers import BINARY, Binary, Jpeg, Video, error_answer, json_answer, packed_answer
 from ecat.web.shapes import DepthAnswer
 from ecat.web.site import TheSession
 from ecat.web.times import image_times_s
 
 router = APIRouter(prefix="/api/sessions/{sid}", tags=["media"])
+_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})", re.ASCII)
 REVALIDATED = {"cache-control": "private, no-cache"}
 
 
@@ -43,7 +45,24 @@ def media(opened: TheSession, stream: str, request: Request) -> Response:
     tag = f'"{stat.st_ino:x}-{stat.st_size:x}-{stat.st_mtime_ns:x}"'
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag, **REVALIDATED})
+    if (beyond := _checked_range(request, stat.st_size)) is not None:
+        return beyond
     return Video(proxy.path, stat_result=stat, headers={"etag": tag, **REVALIDATED})
+
+
+def _checked_range(request: Request, size: int) -> Response | None:
+    """A refusal for a range that begins behind the end; what is no range is forgotten, as RFC 9110 §14.2 allows."""
+    found = _RANGE.fullmatch(request.headers.get("range", ""))
+    start, end = (int(part) if part else None for part in found.groups()) if found else (None, None)
+    if found is None or start is None is end or (start is not None and end is not None and end < start):
+        request.scope["headers"] = [item for item in request.scope["headers"] if item[0] != b"range"]
+    elif end == 0 if start is None else start >= size:
+        where = f"{found[0]} of {size:,} bytes"
+        error = UsageError("cannot send this part", where=where, fix="ask for a part that there is")
+        answer = error_answer(error, status=416)
+        answer.headers["content-range"] = f"bytes */{size}"
+        return answer
+    return None
 
 
 @router.get("/frames/{stream}/{frame}.jpg", response_class=Jpeg)

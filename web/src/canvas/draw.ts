@@ -1,6 +1,5 @@
 // Painting over the image, in CSS pixels of the pane.
 
-import { BONES } from "../skeleton";
 import type { Point } from "./shapes";
 import type { Ring, Skeleton, VisibleShape } from "./visible";
 import { toScreen, type View } from "./view";
@@ -84,9 +83,11 @@ export function drawRings(context: CanvasRenderingContext2D, rings: readonly Rin
   }
 }
 
-export function drawSkeletons(context: CanvasRenderingContext2D, skeletons: readonly Skeleton[], view: View): void {
+export function drawSkeletons(
+  context: CanvasRenderingContext2D, skeletons: readonly Skeleton[], bones: readonly (readonly [string, string])[], view: View,
+): void {
   for (const { joints, sure } of skeletons) {
-    for (const [a, b] of BONES) {
+    for (const [a, b] of bones) {
       const [from, to] = [joints.get(a), joints.get(b)];
       if (!from || !to) continue;
       trace(context, [from, to], view, false);

@@ -1,6 +1,7 @@
 // The grips of the selected shape: real elements, so that a keyboard, a screen reader and a test reach them.
 
 import { h } from "../dom";
+import { followOrCancel } from "../pointer";
 import { centroid, COMPASS, type Coordinates, flatten, moved, type Point, resized, scaled, type Side, turned, vertices } from "./shapes";
 import { toScreen, type View } from "./view";
 
@@ -138,7 +139,6 @@ export class Handles {
     const start = this.coordinates;
     let now: number[] | null = null;
     this.held = true;
-    element.setPointerCapture(event.pointerId);
     const pulled = (e: PointerEvent) => {
       const { scale } = this.host.view();
       const keys = { ctrl: e.ctrlKey || e.metaKey, shift: e.shiftKey, scale };
@@ -149,21 +149,11 @@ export class Handles {
       now = pulled(e);
       this.host.preview(now);
     };
-    const cancel = (e: KeyboardEvent) => {
-      if (e.key !== "Escape") return;
-      e.stopPropagation();
-      now = null;
-      element.releasePointerCapture(event.pointerId);
-    };
-    window.addEventListener("keydown", cancel, true);
-    element.addEventListener("pointermove", move);
-    element.addEventListener("lostpointercapture", () => {
-      element.removeEventListener("pointermove", move);
-      window.removeEventListener("keydown", cancel, true);
+    followOrCancel(element, event, move, (cancelled) => {
       this.held = false;
-      if (now === null) this.host.cancel();
+      if (now === null || cancelled) this.host.cancel();
       else this.host.commit(now);
-    }, { once: true });
+    });
   }
 
   private key(grip: Grip, event: KeyboardEvent): void {

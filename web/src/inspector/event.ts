@@ -1,9 +1,9 @@
 // The selected event: type, stretch, roles, text, place among the others.
 
-import { attempt, goTo, merge, moveEdge, newSubEvent, removeSelected, split, toggleLoop } from "../actions";
+import { attempt, goTo, merge, moveEdge, newSubEvent, ownObject, removeSelected, split, toggleLoop, trackedObjects } from "../actions";
 import { span } from "../document";
 import { clock, h, iconButton } from "../dom";
-import type { App, LayerState } from "../state";
+import { type App, type LayerState, MACHINE } from "../state";
 import type { EcatEvent, Role } from "../types";
 import { check, choice, field, numberInput, propertyRows, section, textField, textInput } from "./fields";
 import { textSection } from "./text";
@@ -102,6 +102,7 @@ function targets(app: App, layer: LayerState, event: EcatEvent, current: Role | 
     const rig = body.object_id === null ? undefined : objects.get(body.object_id);
     if (rig !== undefined) for (const joint of body.joints) list.push([`joint:${rig.id}/${joint}`, `${rig.name || rig.id} / ${joint}`]);
   }
+  for (const o of trackedObjects(app)) list.push([`tracked:${o.id}`, `${o.name || o.id} (tracked)`]);
   const [start, end] = span(event);
   const near = events.list.filter((e) => e.id !== event.id && span(e)[0] < end + 300 && span(e)[1] > start - 300).slice(0, 40);
   for (const e of near) list.push([`event:${e.id}`, `event ${eventName(e)}`]);
@@ -110,22 +111,24 @@ function targets(app: App, layer: LayerState, event: EcatEvent, current: Role | 
   return [["", "–"], ...list];
 }
 
-function setRole(app: App, event: EcatEvent, role: string, value: string): void {
+async function setRole(app: App, event: EcatEvent, role: string, value: string): Promise<void> {
   const cut = value.indexOf(":");
-  const target = value === "" ? null : value.slice(cut + 1);
-  void attempt(app, target === null ? { op: "set_role", id: event.id, role, target } : { op: "set_role", id: event.id, role, target, kind: value.slice(0, cut) });
+  const [kind, name] = [value.slice(0, cut), value.slice(cut + 1)];
+  const target = kind === "tracked" ? await ownObject(app, MACHINE, name) : name;
+  if (value === "") await attempt(app, { op: "set_role", id: event.id, role, target: null });
+  else if (target !== null) await attempt(app, { op: "set_role", id: event.id, role, target, kind: kind === "tracked" ? "object" : kind });
 }
 
 function roleRow(app: App, layer: LayerState, event: EcatEvent, role: Role & { required?: boolean }, own: boolean): HTMLElement {
   const value = role.target === "" ? "" : `${role.kind}:${role.target}`;
   const name = role.required && value === "" ? `${role.name} *` : role.name;
-  return h("div.fields", null, ...field(name, choice(`Role ${role.name}`, value, targets(app, layer, event, role), (v) => setRole(app, event, role.name, v), { disabled: !own, testId: `role-${role.name}` })));
+  return h("div.fields", null, ...field(name, choice(`Role ${role.name}`, value, targets(app, layer, event, role), (v) => void setRole(app, event, role.name, v), { disabled: !own, testId: `role-${role.name}` })));
 }
 
 function newRole(app: App, layer: LayerState, event: EcatEvent): HTMLElement {
   const name = h("input.input", { type: "text", placeholder: "role", maxlength: 64, "aria-label": "Name of a new role", "data-focus": "new role", "data-testid": "new-role" });
   const target = choice("Who takes the new role", "", targets(app, layer, event, null), (value) => {
-    if (name.value.trim() !== "") setRole(app, event, name.value.trim(), value);
+    if (name.value.trim() !== "") void setRole(app, event, name.value.trim(), value);
     else name.focus();
   }, { testId: "new-role-target" });
   return h("div.row", null, name, target);

@@ -5,6 +5,8 @@ import type { Property } from "../types";
 
 let serial = 0;
 
+const MANY_OPTIONS = 60;
+
 export interface FieldOptions {
   disabled?: boolean;
   testId?: string;
@@ -83,8 +85,17 @@ export function numberInput(label: string, value: number | null, commit: (value:
 export function choice(label: string, value: string, options: (string | [string, string])[], commit: (value: string) => void, more: FieldOptions = {}): HTMLSelectElement {
   const pairs = options.map((o) => (typeof o === "string" ? ([o, o] as const) : o));
   if (!pairs.some(([v]) => v === value)) pairs.unshift([value, value]);
+  // Hundreds of options in every field would make each selection slow: they come when somebody is about to choose.
+  const late = pairs.length > MANY_OPTIONS;
+  const option = ([v, text]: readonly [string, string]): HTMLElement => h("option", { value: v, selected: v === value }, text);
   const select = h("select.input", { disabled: more.disabled ?? false, "data-testid": more.testId ?? null, "data-focus": label, "aria-label": label },
-    pairs.map(([v, text]) => h("option", { value: v, selected: v === value }, text)));
+    (late ? pairs.filter(([v]) => v === value) : pairs).map(option));
+  if (late) {
+    const complete = (): void => {
+      if (select.children.length < pairs.length) select.replaceChildren(...pairs.map(option));
+    };
+    for (const name of ["pointerdown", "focus"]) select.addEventListener(name, complete, { once: true });
+  }
   select.addEventListener("change", () => commit(select.value));
   return select;
 }

@@ -1,11 +1,12 @@
 // The lists of the inspector: objects, events, relations, proposals.  Only the rows in sight exist.
 
-import { goTo, startOf } from "../actions";
+import { goTo, startOf, trackedObjects } from "../actions";
 import { span } from "../document";
 import { fill, h } from "../dom";
 import { holdsAt, intervals, type Stretches } from "../holding";
 import { swatch } from "../scheme";
 import { type App, type ElementKind, MACHINE, type Selected } from "../state";
+import type { AnnotatedObject } from "../types";
 import { relationForm, relationText } from "./relation";
 
 const ROW = 24;
@@ -39,6 +40,8 @@ export function createList(app: App, label: string, rows: () => Row[], tools: ()
     const last = Math.min(shown.length, Math.ceil((list.scrollTop + (list.clientHeight || 400)) / ROW) + 4);
     space.style.height = `${shown.length * ROW}px`;
     space.replaceChildren(...shown.slice(first, last).map((row, i) => rowElement(app, row, (first + i) * ROW)));
+    // A listbox has options, or is none.
+    list.setAttribute("role", shown.length > 0 ? "listbox" : "group");
     if (shown.length === 0) space.replaceChildren(h("p.empty.list-empty", null, filter.value === "" ? "Nothing here." : "Nothing found."));
   };
   const refresh = (): void => {
@@ -83,9 +86,10 @@ function rowElement(app: App, row: Row, top: number): HTMLElement {
 }
 
 export function objectRows(app: App): Row[] {
-  return app.document.objects.list.map((o) => ({
-    selected: { kind: "object" as ElementKind, id: o.id, layer: app.activeLayer }, text: o.name || o.id, at: o.kind.replaceAll("_", " "), color: o.color,
-  }));
+  const row = (layer: string, style?: string) => (o: AnnotatedObject): Row => ({
+    selected: { kind: "object" as ElementKind, id: o.id, layer }, text: o.name || o.id, at: o.kind.replaceAll("_", " "), color: o.color, style,
+  });
+  return [...app.document.objects.list.map(row(app.activeLayer)), ...trackedObjects(app).map(row(MACHINE, "proposed"))];
 }
 
 export function eventRows(app: App): Row[] {

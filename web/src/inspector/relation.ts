@@ -1,8 +1,8 @@
 // The selected relation, and the form for a new one.
 
-import { addedId, attempt, removeSelected } from "../actions";
+import { addedId, attempt, ownObject, removeSelected, trackedObjects } from "../actions";
 import { clock, h } from "../dom";
-import type { App, LayerState } from "../state";
+import { type App, type LayerState, MACHINE } from "../state";
 import type { PredicateType, Relation } from "../types";
 import { check, choice, field, numberInput, textField } from "./fields";
 
@@ -42,20 +42,26 @@ export function relationPanel(app: App, layer: LayerState, relation: Relation): 
 
 /** Adds a relation that begins at the cursor, or over the marks. */
 export function relationForm(app: App): HTMLElement {
-  const layer = app.active;
-  const options = objectOptions(layer);
+  const tracked = trackedObjects(app);
+  const options: [string, string][] = [...objectOptions(app.active), ...tracked.map((o): [string, string] => [`${MACHINE}:${o.id}`, `${o.name || o.id} (tracked)`])];
   if (options.length < 1) return h("p.empty", null, "A relation needs objects; draw one first (R).");
   const known = predicates(app);
   const list = h("datalist", { id: "predicates" }, known.map((p) => h("option", { value: p.name })));
   const predicate = h("input.input", { type: "text", list: "predicates", placeholder: "PREDICATE", "aria-label": "Predicate of a new relation", "data-focus": "new predicate", "data-testid": "new-predicate", value: known[0]?.name ?? "" });
   const arity = (): number => known.find((p) => p.name === predicate.value)?.arity ?? 2;
-  const first = app.selectedObject?.id ?? options[0]?.[0] ?? "";
+  const chosen = app.selection.findLast((s) => s.kind === "object");
+  const wished = chosen === undefined ? undefined : chosen.layer === app.activeLayer ? chosen.id : `${chosen.layer}:${chosen.id}`;
+  const first = options.find(([id]) => id === wished)?.[0] ?? options[0]?.[0] ?? "";
   const second = options.find(([id]) => id !== first)?.[0] ?? "";
   const args = [first, second].map((value, i) => choice(`Argument ${i + 1} of a new relation`, value, i === 0 ? options : [["", "–"], ...options], () => undefined, { testId: `new-argument-${i + 1}` }));
   const negative = h("input", { type: "checkbox", "data-focus": "denied" });
   const add = async (): Promise<void> => {
     const { start, end } = app.marks;
-    const chosen = args.slice(0, arity()).map((a) => a.value).filter(Boolean);
+    const chosen: string[] = [];
+    for (const value of args.slice(0, arity()).map((a) => a.value).filter(Boolean)) {
+      const own = value.startsWith(`${MACHINE}:`) ? await ownObject(app, MACHINE, value.slice(MACHINE.length + 1)) : value;
+      if (own !== null) chosen.push(own);
+    }
     const record = await attempt(app, {
       op: "add_relation", predicate: predicate.value.trim(), arguments: chosen, start_frame: start ?? app.cursor.frame,
       end_frame: start !== null && end !== null && end > start ? end : null, polarity: !negative.checked,

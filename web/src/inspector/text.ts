@@ -56,7 +56,10 @@ function addReference(app: App, layer: LayerState, event: EcatEvent, area: HTMLT
   // The selection is remembered, because choosing an object takes the focus from the text.
   let chosen: [number, number] | null = null;
   const target = h("select.input", { "aria-label": "Object that the selected words mean", "data-testid": "reference-target", "data-focus": "reference target" },
-    h("option", { value: "" }, "Select words, then their object…"), layer.document.objects.list.map((o) => h("option", { value: o.id }, o.name || o.id)));
+    h("option", { value: "" }, "Select words, then their object…"));
+  target.addEventListener("focus", () => {
+    if (target.children.length === 1) target.append(...layer.document.objects.list.map((o) => h("option", { value: o.id }, o.name || o.id)));
+  });
   area.addEventListener("select", () => {
     chosen = area.selectionEnd > area.selectionStart ? [area.selectionStart, area.selectionEnd] : null;
   });

@@ -5,6 +5,7 @@
 
 import { fit, panned, type View, zoomed } from "../canvas/view";
 import { h } from "../dom";
+import { follow } from "../pointer";
 import type { App } from "../state";
 import type { Proxy, StreamInfo } from "../types";
 import { Images } from "./images";
@@ -13,6 +14,8 @@ import { StreamTimes } from "./times";
 const NOMINAL_FPS = 30;
 /** How long a seek may take before the exact image is asked for instead. */
 const PATIENCE_MS = 2500;
+/** How often it is asked whether the proxy is ready. */
+const ASK_MS = 2000;
 /** Chromium refuses slower and faster playback. */
 export const RATES = [0.0625, 16] as const;
 
@@ -41,6 +44,7 @@ export class Pane {
   private settling = false;
   private presentHandle = 0;
   private gone = false;
+  private asking = 0;
 
   constructor(
     readonly app: App,
@@ -103,13 +107,25 @@ export class Pane {
     this.stream.proxy = proxy;
     if (proxy.state === "failed") this.say("The video for playing could not be made: exact images are shown instead.");
     if (proxy.state === "making") {
-      const done = proxy.progress === null ? "" : ` (${Math.round(proxy.progress * 100)} %)`;
-      this.say(`Preparing the video for smooth playing${done}; exact images until then.`);
+      const done = proxy.progress === null ? "" : ` ${Math.round(proxy.progress * 100)} %`;
+      this.say(`Preparing smooth playing…${done}`);
     }
-    if (proxy.state !== "ready" || this.video.hasAttribute("src")) return this.mark();
+    clearTimeout(this.asking);
+    // news may come before anybody listens, and without the rate that seeking needs
+    const known = proxy.state === "ready" && proxy.fps !== null;
+    if (proxy.state === "making" || (proxy.state === "ready" && !known)) this.asking = window.setTimeout(() => void this.askProxy(), ASK_MS);
+    if (!known || this.video.hasAttribute("src")) return this.mark();
     this.say(null);
     this.video.src = proxy.url ?? this.app.api.mediaUrl(this.app.session?.id ?? "", this.stream.name);
     return this.mark();
+  }
+
+  private async askProxy(): Promise<void> {
+    const { session, api } = this.app;
+    if (session === null || this.gone) return;
+    const now = await api.session(session.id).catch(() => null);
+    const proxy = now?.streams.find((s) => s.name === this.stream.name)?.proxy ?? this.stream.proxy;
+    if (!this.gone && !this.video.hasAttribute("src")) this.useProxy(proxy);
   }
 
   private say(text: string | null): void {
@@ -287,13 +303,10 @@ export class Pane {
   dragView(event: PointerEvent): void {
     event.preventDefault();
     let [x, y] = [event.clientX, event.clientY];
-    this.element.setPointerCapture(event.pointerId);
-    const move = (e: PointerEvent) => {
+    follow(this.element, event, (e) => {
       this.setView(panned(this.view, e.clientX - x, e.clientY - y));
       [x, y] = [e.clientX, e.clientY];
-    };
-    this.element.addEventListener("pointermove", move);
-    this.element.addEventListener("lostpointercapture", () => this.element.removeEventListener("pointermove", move), { once: true });
+    });
   }
 
   private place(): void {
@@ -310,6 +323,7 @@ export class Pane {
 
   destroy(): void {
     this.gone = true;
+    clearTimeout(this.asking);
     for (const off of this.offs) off();
     this.observer.disconnect();
     this.images.close();

@@ -2,30 +2,8 @@
 
 import { Chunks, numberAt, textAt } from "../chunks";
 import type { App } from "../state";
+import type { Camera, Plane } from "../types";
 import { add, apply, finite, inverted, type Quaternion, type Rigid, times, type Vector } from "./vector";
-
-/** What the server tells of the table and the cameras. */
-interface Plane {
-  readonly origin: Vector;
-  readonly rotation: Quaternion;
-  readonly outline: readonly Vector[];
-}
-interface CameraInfo {
-  readonly name: string;
-  readonly width_px: number;
-  readonly height_px: number;
-  readonly fx_px: number;
-  readonly fy_px: number;
-  readonly cx_px: number;
-  readonly cy_px: number;
-  readonly mirrored: boolean;
-  readonly rotation: Quaternion;
-  readonly translation_m: Vector;
-}
-interface Described {
-  readonly plane?: Plane | null;
-  readonly cameras?: readonly CameraInfo[];
-}
 
 export interface Box {
   readonly object: string;
@@ -68,16 +46,16 @@ export class Scene {
     private readonly app: App,
     onLoaded: () => void,
   ) {
-    const described = (app.session ?? {}) as Described;
-    const plane = described.plane ?? null;
-    this.tableFromCamera = plane ? inverted({ rotation: plane.rotation, translation: plane.origin }) : UPRIGHT;
-    this.seen = (plane?.outline ?? []).map((p) => apply(this.tableFromCamera, p));
+    const plane = app.session?.plane ?? null;
+    this.tableFromCamera = tableFromCamera(plane);
+    this.seen = (plane?.outline ?? []).filter(known).map((p) => apply(this.tableFromCamera, p));
     const tables = app.session?.tables ?? [];
     const poses = tables.includes("poses_smooth") ? "poses_smooth" : "poses";
     this.poses = new Chunks(app, poses, ["object_id", "x", "y", "z", "qx", "qy", "qz", "qw", "source", "support"], onLoaded);
     this.joints = new Chunks(app, "joints", ["object_id", "body", "joint", "x", "y", "z", "state"], onLoaded);
     this.sizes = new Map((app.session?.boxes ?? []).map((box) => [box.object_id, { name: box.name, size: box.size_m ?? UNKNOWN_SIZE }]));
-    const camera = described.cameras?.find((c) => c.name === "color") ?? described.cameras?.[0];
+    const cameras = app.session?.cameras ?? [];
+    const camera = cameras.find((c) => c.name === "color") ?? cameras[0];
     this.eye = camera && (this.poses.there || this.joints.there || plane) ? this.frustum(camera) : null;
   }
 
@@ -98,8 +76,8 @@ export class Scene {
     this.reach = [Math.min(r[0], x - MARGIN_M), Math.min(r[1], y - MARGIN_M), Math.max(r[2], x + MARGIN_M), Math.max(r[3], y + MARGIN_M)];
   }
 
-  private frustum(camera: CameraInfo): Eye {
-    const depthFromCamera: Rigid = { rotation: camera.rotation, translation: camera.translation_m };
+  private frustum(camera: Camera): Eye {
+    const depthFromCamera: Rigid = { rotation: camera.rotation as unknown as Quaternion, translation: camera.translation_m as unknown as Vector };
     const place = (p: Vector) => apply(this.tableFromCamera, apply(depthFromCamera, p));
     const corner = (u: number, v: number): Vector =>
       place(times([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1], FRUSTUM_M));
@@ -171,6 +149,16 @@ export class Scene {
     if (!points.length) return { at: [0, 0, 0], radius: 0.7 };
     const at = times(points.reduce((a, b) => add(a, b), [0, 0, 0] as Vector), 1 / points.length);
     const radius = Math.max(0.3, ...points.map((p) => Math.hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2])));
-    return { at, radius: Math.min(2.5, radius) };
+    // whoever sits at the table reaches above it
+    return { at, radius: Math.min(2.5, this.joints.there ? 1.3 * radius : radius) };
   }
+}
+
+function known(p: readonly (number | null)[]): p is Vector & (number | null)[] {
+  return p.length === 3 && p.every((n) => n !== null);
+}
+
+function tableFromCamera(plane: Plane | null): Rigid {
+  if (plane === null || !known(plane.origin) || plane.rotation.some((n) => n === null)) return UPRIGHT;
+  return inverted({ rotation: plane.rotation as unknown as Quaternion, translation: plane.origin });
 }

@@ -82,7 +82,6 @@ export class Axis {
 export interface Tick {
   readonly frame: number;
   readonly label: string;
-  readonly major: boolean;
 }
 
 const SECONDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 7200];
@@ -104,7 +103,7 @@ export function frameTicks(axis: Axis): Tick[] {
   const step = FRAMES.find((s) => s * axis.pxPerFrame >= LABEL_PX) ?? FRAMES.at(-1)!;
   const ticks: Tick[] = [];
   for (let frame = Math.ceil(axis.first / step) * step; frame <= Math.min(axis.last, axis.nFrames); frame += step)
-    ticks.push({ frame, label: String(frame), major: true });
+    ticks.push({ frame, label: String(frame) });
   return ticks;
 }
 
@@ -124,7 +123,10 @@ export function timeTicks(axis: Axis, times: ArrayLike<number>): Tick[] {
     const t = k * step;
     const i = Math.min(n - 2, Math.max(0, lastAtMost(n, (j) => times[j]!, t)));
     const gap = times[i + 1]! - times[i]!;
-    ticks.push({ frame: i + (gap > 0 ? (t - times[i]!) / gap : 0), label: timeLabel(t, step), major: true });
+    const frame = i + (gap > 0 ? (t - times[i]!) / gap : 0);
+    // where images are missing, many times lie at one place
+    if ((frame - (ticks.at(-1)?.frame ?? Number.NEGATIVE_INFINITY)) * axis.pxPerFrame < LABEL_PX / 2) continue;
+    ticks.push({ frame, label: timeLabel(t, step) });
   }
   return ticks;
 }

@@ -31,8 +31,8 @@ export function inkOn(color: string): string {
 export function objectColor(app: App, id: string): string {
   for (const { document } of app.shownLayers) {
     const color = document.object(id)?.color.slice(0, 7);
-    // the model's default says nothing
-    if (color && color !== "#ff0000") return color;
+    // the defaults of the model and of the program of 2018 say nothing
+    if (color && color !== "#ff0000" && color !== "#000000") return color;
   }
   return colorOf(id);
 }

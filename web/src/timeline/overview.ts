@@ -1,6 +1,7 @@
 // The whole recording in one line, and the part of it that is in view.
 
 import { h } from "../dom";
+import { follow } from "../pointer";
 import type { App } from "../state";
 import { palette } from "../theme";
 import { withAlpha } from "./colors";
@@ -10,6 +11,7 @@ import { sized } from "./surface";
 
 const HEIGHT = 18;
 const GRIP_PX = 6;
+const AFTER_MS = 250;
 
 export class Overview {
   private readonly cursor = h("div.tl-overview-cursor", { "aria-hidden": "true" });
@@ -20,6 +22,7 @@ export class Overview {
   }, this.canvas, this.cursor);
   /** The events as a picture, painted once for many scrolls. */
   private picture: OffscreenCanvas | null = null;
+  private timer = 0;
 
   constructor(
     private readonly app: App,
@@ -30,8 +33,17 @@ export class Overview {
     this.element.addEventListener("keydown", (event) => this.key(event));
   }
 
+  /** Paints the events anew, once nothing changes any more. */
   forget(): void {
-    this.picture = null;
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => {
+      this.picture = null;
+      this.shared.changed();
+    }, AFTER_MS);
+  }
+
+  destroy(): void {
+    clearTimeout(this.timer);
   }
 
   private painted(width: number): OffscreenCanvas {
@@ -115,9 +127,7 @@ export class Overview {
       axis.clamp();
       this.shared.changed();
     };
-    this.element.setPointerCapture(event.pointerId);
-    this.element.addEventListener("pointermove", move);
-    this.element.addEventListener("lostpointercapture", () => this.element.removeEventListener("pointermove", move), { once: true });
+    follow(this.element, event, move);
     if (zone === "body") move(event);
   }
 

@@ -1,0 +1,195 @@
+"""Proposals of the machine, two annotators compared, surveys."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ecat.model import Argument, Event, Layer, Relation, Role, Segment
+from ecat.store import open_session
+
+
+def _event(id_: str, kind: str, start: int, end: int, **more: Any) -> Event:
+    tier = "sub-event" if more.get("parent") else "event"
+    return Event(id=id_, type=kind, tier=tier, segments=(Segment(start_frame=start, end_frame=end),), **more)
+
+
+def _add(served: Any, *layers: Layer) -> None:
+    """Put layers beside the one that is there, with its objects."""
+    session = open_session(served.path)
+    objects = session.layer("main").objects
+    with session.write() as commit:
+        for layer in layers:
+            commit.put_layer(replace(layer, objects=objects, object_counter=len(objects), scheme="blocks"))
+
+
+@pytest.fixture
+def proposing(served: Any, window: Callable[..., Any]) -> Any:
+    """A session for which the machine proposes two slides, one with parts, and a relation."""
+    whole = _event("a1", "slide_next", 20, 60, status="proposed", roles=(Role(name="Theme", target="o2"),))
+    part = _event("a2", "move", 30, 50, status="proposed", parent="a1")
+    other = _event("a3", "slide_past", 80, 120, status="proposed")
+    near = Relation(
+        id="r1", predicate="NEAR", start_frame=50, end_frame=90, source="computed", status="proposed",
+        arguments=(Argument(target="o2"), Argument(target="o3")),
+    )  # fmt: skip
+    _add(served, Layer(name="machine", events=(whole, part, other), relations=(near,)))
+    return window(served)
+
+
+def test_proposals_are_gone_through_with_one_key_each(served: Any, proposing: Any) -> None:
+    proposing.find("tab-machine").click()
+    proposing.find("row-a1").click()
+    assert proposing.says("app.cursor.frame") == 20
+    proposing.press("Enter")
+    assert proposing.says("app.primary.id") == "a3"
+    proposing.press("x")
+    layer = served.layer()
+    assert [(e.type, e.status, e.parent is None) for e in layer.events] == [
+        ("slide_next", "confirmed", True),
+        ("move", "confirmed", False),
+    ]
+    assert {d.proposal: d.verdict for d in layer.decisions} == {
+        "machine/a1": "accepted",
+        "machine/a2": "accepted",
+        "machine/a3": "rejected",
+    }
+    machine = served.session().layer("machine")
+    assert {e.status for e in machine.events} == {"proposed"}
+
+
+def test_a_proposal_is_adjusted_before_it_is_accepted(served: Any, proposing: Any) -> None:
+    proposing.find("tab-machine").click()
+    proposing.find("row-a3").click()
+    proposing.find("tab-selected").click()
+    proposing.find("proposal-end").fill("110")
+    proposing.find("selected-panel").get_by_test_id("accept").click()
+    proposing.settle()
+    proposing.press("Control+z")
+    assert len(served.layer().events) == 0
+    proposing.press("Control+Shift+z")
+    assert [(e.segments[0].start_frame, e.segments[0].end_frame) for e in served.layer().events] == [
+        (80, 110)
+    ]
+
+
+@pytest.fixture
+def compared(served: Any, window: Callable[..., Any]) -> Any:
+    """Ann and Ben agree on one slide, and on little of another; only Ben saw a third."""
+    ann = _event("a1", "slide_next", 10, 50, author="ann"), _event("a2", "slide_past", 60, 90, author="ann")
+    ben = (
+        _event("a1", "slide_next", 10, 50, author="ben"),
+        _event("a2", "slide_past", 70, 95, author="ben"),
+        _event("a3", "slide_away", 110, 130, author="ben"),
+    )
+    _add(served, Layer(name="ann", events=ann), Layer(name="ben", events=ben))
+    made = window(served)
+    made.page.evaluate("(sid) => { location.hash = `#/adjudicate/${sid}`; }", served.path.name)
+    made.page.wait_for_selector('[data-testid="adjudicate-first"]')
+    return made
+
+
+def test_the_gold_layer_is_built_from_what_two_people_said(served: Any, compared: Any) -> None:
+    compared.find("adjudicate-first").select_option("ann")
+    compared.find("adjudicate-second").select_option("ben")
+    compared.find("disagreement-1").wait_for()
+    compared.until("app.activeLayer === 'gold'")
+    compared.find("take-agreed").click()
+    compared.settle()
+    compared.find("disagreement-0").click()
+    assert compared.says("app.cursor.frame") == 60
+    compared.find("take-second").click()
+    compared.settle()
+    compared.find("take-second").click()
+    compared.settle()
+    gold = served.layer("gold")
+    spans = sorted((e.type, e.segments[0].start_frame, e.segments[0].end_frame) for e in gold.events)
+    assert spans == [("slide_away", 110, 130), ("slide_next", 10, 50), ("slide_past", 70, 95)]
+    assert [e.id for e in served.session().layer("ann").events] == ["a1", "a2"]
+    assert compared.complaints == []
+
+
+def _ecat(*arguments: str) -> None:
+    subprocess.run([sys.executable, "-m", "ecat", *arguments], check=True, capture_output=True)
+
+
+@pytest.fixture
+def surveyed(served: Any) -> Callable[..., str]:
+    """Make a survey of windows of the session."""
+
+    def make(name: str, *options: str) -> str:
+        n = served.session().manifest.n_frames
+        folder: Path = served.server.folder
+        _ecat(
+            "survey",
+            "new",
+            str(folder),
+            name,
+            "--question",
+            "What happens?",
+            "--window",
+            f"0,{n},{n}",
+            *options,
+        )
+        return name
+
+    return make
+
+
+def test_a_survey_is_answered_with_keys_and_its_answers_are_on_the_disk(
+    served: Any, surveyed: Callable[..., str], window: Callable[..., Any]
+) -> None:
+    name = surveyed(f"choice-{served.path.name[:2].strip('-')}", "--choice", "push", "--choice", "pull")
+    page = window(served, author="dan")
+    page.page.evaluate("(name) => { location.hash = `#/survey/${name}`; }", name)
+    page.find("survey").wait_for()
+    page.find("answer-push").wait_for()
+    page.page.keyboard.press("2")
+    page.page.wait_for_function(
+        "() => document.querySelector('[data-testid=survey-progress]').textContent.includes('1 answered')"
+    )
+    page.find("survey-comment").fill("a bit late")
+    answers = served.server.ask(f"/api/surveys/{name}?rater=dan")["answers"]
+    assert [a["answer"] for a in answers.values()] == ["pull"]
+    assert page.complaints == []
+
+
+def test_a_score_is_given_with_a_comment(
+    served: Any, surveyed: Callable[..., str], window: Callable[..., Any]
+) -> None:
+    name = surveyed(f"score-{served.path.name[:2].strip('-')}", "--score", "0-10")
+    page = window(served, author="dan")
+    page.page.evaluate("(name) => { location.hash = `#/survey/${name}`; }", name)
+    page.find("answer-10").wait_for()
+    page.find("survey-comment").fill("a bit late")
+    page.find("answer-7").click()
+    page.page.wait_for_function(
+        "() => document.querySelector('[data-testid=survey-progress]').textContent.includes('1 answered')"
+    )
+    answers = served.server.ask(f"/api/surveys/{name}?rater=dan")["answers"]
+    assert [(a["answer"], a["comment"]) for a in answers.values()] == [(7, "a bit late")]
+
+
+def test_what_the_machine_tracked_takes_part_under_its_own_id(
+    served: Any, window: Callable[..., Any]
+) -> None:
+    _add(served, Layer(name="machine"))
+    page = window(served)
+    page.page.evaluate("() => window.ecat.setActiveLayer('ben')")
+    page.until("app.activeLayer === 'ben'")
+    page.find("tab-objects").click()
+    page.find("row-o2").click()
+    for frame, key in ((20, "1"), (40, "2"), (60, "5")):
+        page.at(frame)
+        page.press(key)
+    page.until("app.document.events.list.length === 3 && app.document.events.list[0].type !== ''")
+    layer = served.layer("ben")
+    assert [(o.id, o.name, o.kind) for o in layer.objects] == [("o2", "Shell", "marker_box")]
+    whole = next(e for e in layer.events if e.parent is None)
+    assert ("Theme", "o2") in {(role.name, role.target) for role in whole.roles}
