@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Literal
 
@@ -59,13 +60,8 @@ class Editor:
         self._around = Surroundings(session, layer, sessions)
         if session.manifest.layer(layer) is None:
             self._around.make_layer(scheme or "")
-        start, self._place = self._around.read_layer()
-        self._document = Document(start)
-        self._saved = self._place.revision
         self._saving = threading.Lock()
-        self._history = self._read_history()
-        with self._mutex:
-            self._catch_up(self._journal.records(self._place))
+        self._open()
 
     def __enter__(self) -> Editor:
         return self
@@ -148,9 +144,11 @@ class Editor:
     def refresh(self) -> list[Record]:
         """Take over what others have done since, and return it."""
         with self._mutex:
-            if self._journal.size() == self._place.offset:
-                return []
-            return self._catch_up(self._journal.records(self._place))
+            if self._journal.size() != self._place.offset:
+                return self._catch_up(self._journal.records(self._place))
+            if not self._place.offset and self._around.sha256_now() != self._sha256:
+                self._open()
+            return []
 
     # ------------------------------------------------------------------------------------------ editing
 
@@ -271,7 +269,7 @@ class Editor:
         may_be_empty: bool,
     ) -> Record:
         """One step, which ``change`` makes in memory; then on the disk."""
-        with self._mutex, self._journal.hold() as held:
+        with self._mutex, self._begun(base), self._journal.hold() as held:
             self._catch_up(held.news(self._place))
             self._require_base(base)
             first = None if self._place.offset else self._document.layer()
@@ -287,12 +285,38 @@ class Editor:
                 changes=changes,
             )
             try:
-                place = held.append(self._place, [record], base=first)
+                place = held.append(self._place, [record], base=first, sha256=self._sha256)
             except BaseException:
                 self._document.apply(invert(changes))
                 raise
             self._note(record, place)
             return record
+
+    @contextmanager
+    def _begun(self, base: int | None) -> Generator[None]:
+        """While the layer has no journal, nobody may replace it as its first step is done."""
+        if self._place.offset or self._journal.size():
+            yield
+            return
+        with self.session.hold() as manifest:
+            record = manifest.layer(self.name)
+            replaced = record is None or record.sha256 != self._sha256
+            if replaced:
+                self._open()
+            if replaced and base is not None:
+                raise self._stale(base, ())
+            yield
+
+    def _open(self) -> None:
+        """Read the layer as it was last saved, and its journal."""
+        layer, self._place, self._sha256 = self._around.read_layer()
+        self._document = Document(layer)
+        self._saved = self._place.revision
+        self._history = self._read_history()
+        for record, place in self._journal.records(self._place):
+            if not self._place.offset and self._journal.continues() != self._sha256:
+                raise self._journal.damaged("it continues another layer than the XML")
+            self._take(record, place)
 
     def _edit(self, author: str) -> Edit:
         around = self._around
@@ -312,22 +336,32 @@ class Editor:
         if base is None or base == self.revision:
             return
         since = self._history.records(base + 1, self.revision) if 0 <= base < self.revision else []
-        raise StaleError(
+        raise self._stale(base, tuple(since))
+
+    def _stale(self, base: int, since: tuple[Record, ...]) -> StaleError:
+        return StaleError(
             f"cannot edit layer {self.name} as of revision {base}",
             where=f"{self.session.path}: it is at revision {self.revision} now",
             consequence="nothing was changed",
             fix="look at what others did, then do it again",
             revision=self.revision,
-            records=tuple(since),
+            records=since,
         )
 
     def _catch_up(self, news: Iterable[tuple[Record, Place]]) -> list[Record]:
         found: list[Record] = []
         for record, place in news:
-            self._journal.apply(self._document, record)
-            self._note(record, place)
+            if not self._place.offset and self._journal.continues() != self._sha256:
+                # somebody replaced the layer before its first step
+                self._open()
+                break
+            self._take(record, place)
             found.append(record)
         return found
+
+    def _take(self, record: Record, place: Place) -> None:
+        self._journal.apply(self._document, record)
+        self._note(record, place)
 
     def _note(self, record: Record, place: Place) -> None:
         if self._history.end.revision < record.revision:

@@ -12,7 +12,7 @@ from ecat.annotate.schemes import find_scheme
 from ecat.errors import EcatError, LockedError, NotFoundError, StaleError
 from ecat.model import CodingScheme, Layer
 from ecat.store import Place, Session, open_session
-from ecat.store.manifest import is_plain_name
+from ecat.store.manifest import SESSION_FILE, is_plain_name
 from ecat.store.media import annotated_stream
 from ecat.store.snapshot import Snapshot
 
@@ -28,6 +28,7 @@ class Surroundings:
         self._sessions = sessions
         self._layers: dict[str, tuple[str, Layer]] = {}
         self._schemes: dict[str, CodingScheme] = {}
+        self._seen = (0, "")
 
     @property
     def n_frames(self) -> int:
@@ -79,16 +80,24 @@ class Surroundings:
             fix="do it again when they have finished",
         )
 
-    def read_layer(self) -> tuple[Layer, Place]:
-        """The layer as it was last saved, and how much of its journal it contains."""
+    def read_layer(self) -> tuple[Layer, Place, str]:
+        """The layer as it was last saved, how much of its journal it contains, and the sha256 of its XML."""
         for _ in range(_TRIES):
             record = self._session.manifest.layer(self._layer)
             if record is not None:
                 with contextlib.suppress(StaleError):
                     layer = self._session.layer(self._layer)
-                    return layer, Place(record.journal_revision, record.journal_bytes)
-            self._session.refresh()
-        return self._session.layer(self._layer), Place()
+                    return layer, Place(record.journal_revision, record.journal_bytes), record.sha256
+            self._session.reread()
+        return self._session.layer(self._layer), Place(), ""
+
+    def sha256_now(self) -> str:
+        """The sha256 that the layer's XML has by now; the manifest is read again only if it was written again."""
+        written = (self._session.path / SESSION_FILE).stat().st_mtime_ns
+        if self._seen[0] != written:
+            record = Snapshot.read(self._session.path).manifest.layer(self._layer)
+            self._seen = written, "" if record is None else record.sha256
+        return self._seen[1]
 
     def layer_of(self, name: str) -> Layer:
         """Another layer of the session as it is now.

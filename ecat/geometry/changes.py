@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +60,8 @@ class Changes:
         if self._known is None or self._known.shape != tiles.shape:
             self._known = tiles.copy()
             return [(0, 0, tiles.shape[1] * TILE_PX, tiles.shape[0] * TILE_PX)]
-        changed = self._changed(tiles, self._known)
-        if not changed.any():
+        changed = cv2.threshold(cv2.absdiff(tiles, self._known), self._least - 1, 1, cv2.THRESH_BINARY)[1]
+        if not cv2.countNonZero(changed):
             return []
         cv2.copyTo(tiles, changed, self._known)
         # tiles within two of each other belong together
@@ -69,17 +69,6 @@ class Changes:
         outlines, _ = cv2.findContours(joined, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         boxes = [cv2.boundingRect(outline) for outline in outlines]
         return [(x * TILE_PX, y * TILE_PX, (x + w) * TILE_PX, (y + h) * TILE_PX) for x, y, w, h in boxes]
-
-    def any(self, tiles: NDArray[np.uint8]) -> bool:
-        """Whether there are any; they do not count as looked at."""
-        if not tiles.size or self._known is None or self._known.shape != tiles.shape:
-            return bool(tiles.size)
-        return bool(self._changed(tiles, self._known).any())
-
-    def _changed(self, tiles: NDArray[np.uint8], known: NDArray[np.uint8]) -> NDArray[Any]:
-        import cv2
-
-        return cv2.threshold(cv2.absdiff(tiles, known), self._least - 1, 1, cv2.THRESH_BINARY)[1]
 
     def all_seen(self, tiles: NDArray[np.uint8]) -> None:
         """Everything was looked at."""

@@ -51,8 +51,8 @@ class TrackParameters:
     prototypes : the boxes that are looked for.
     objects : the object that each of them is; by default as :func:`object_ids` names it.
     every : the whole image is searched every so many frames.
-    together : so many frames are measured at once, or twice as many while nothing happens, and the last of them
-        searched where something changed; what is found there is followed back.
+    together : so many frames are measured at once, and the last of them searched where something changed; what is found
+        there is followed back.
     changed : grey levels by which the mean of a tile changes when something happens in it.
     reach_px : how far from where it is expected a face is measured without a search.
     patience : frames for which a lost face is looked for where it was.
@@ -93,7 +93,6 @@ class Tracker:
         self._way = _NO_RINGS
         self._seen = np.empty(0, np.int64)
         self._largest_px = 0.0
-        self._calm = False
 
     def follow(self, images: Iterable[NDArray[np.uint8]]) -> Iterator[Found]:
         """The faces in each image (height, width), some images later than it was taken in.
@@ -103,18 +102,12 @@ class Tracker:
         block: list[NDArray[np.uint8]] = []
         for i, grey in enumerate(images, self._next):
             block.append(grey)
-            if i % self._parameters.every == 0 or self._is_enough(block):
+            if len(block) >= self._parameters.together or i % self._parameters.every == 0:
                 found = self._block(block)
                 block.clear()
                 yield from found
         if block:
             yield from self._block(block)
-
-    def _is_enough(self, block: Sequence[NDArray[np.uint8]]) -> bool:
-        """Whether to measure these images now; more can wait while no face comes or goes and nothing else changes."""
-        n, together = len(block), max(self._parameters.together, 1)
-        calm = self._calm and not (n == together and self._changes.any(tile_means(block[-1])))
-        return n >= (2 if calm else 1) * together
 
     def _block(self, images: Sequence[NDArray[np.uint8]]) -> list[Found]:
         """Follow what is known, look for the rest in the last image, and follow that back."""
@@ -136,7 +129,6 @@ class Tracker:
             if i == len(images) - 2:
                 way[places(later, new)] = back
         self._remember(new, way)
-        self._calm = not len(new) and len({len(faces) for faces in every}) == 1
         if len(new):
             every[-1] = Found.joined([every[-1], new])
         return every
@@ -411,7 +403,7 @@ def _what_is_looked_for(parameters: TrackParameters) -> TrackParameters:
 
 TRACK = Stage(
     name="track",
-    version=3,
+    version=2,
     inputs=(),
     images=("color", "depth"),
     outputs=("markers_2d",),

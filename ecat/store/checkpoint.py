@@ -79,12 +79,13 @@ def current(snapshot: Snapshot, record: LayerRecord) -> tuple[Layer, Place]:
     layer, place = snapshot.layer(record.name), Place(record.journal_revision, record.journal_bytes)
     if journal.size() < place.offset:
         raise journal.damaged(f"{journal.size()} bytes, but the XML contains {place.offset} of them")
-    if not journal.size():
+    news = list(journal.records(place))
+    if not news:
         return layer, place
-    document = Document(layer)
-    if not place.offset and document.layer() != Document(journal.base()).layer():
+    if not place.offset and journal.continues() != record.sha256:
         raise journal.damaged("it continues another layer than the XML")
-    for record_, behind_ in journal.records(place):
+    document = Document(layer)
+    for record_, behind_ in news:
         journal.apply(document, record_)
         place = behind_
     return document.layer(), place

@@ -109,14 +109,28 @@ class Journal:
         ------
         CorruptError : the journal does not begin with it.
         """
-        for line, _ in self._lines(0):
-            if line.get("revision") == 0:
-                try:
-                    return element_from_json(Layer, line["layer"])
-                except (LookupError, TypeError, ValueError):
-                    break
-            break
-        raise self.damaged("it does not begin with the layer that it continues")
+        try:
+            return element_from_json(Layer, self._beginning()["layer"])
+        except (LookupError, TypeError, ValueError):
+            raise self._no_beginning() from None
+
+    def continues(self) -> str:
+        """The sha256 of the XML that the journal continues.
+
+        Raises
+        ------
+        CorruptError : the journal does not say so.
+        """
+        return str(self._beginning().get("sha256"))
+
+    def _beginning(self) -> dict[str, Any]:
+        line = next(iter(self._lines(0)), ({}, 0))[0]
+        if line.get("revision") != 0:
+            raise self._no_beginning()
+        return line
+
+    def _no_beginning(self) -> CorruptError:
+        return self.damaged("it does not begin with the layer that it continues")
 
     def replay(self, until: int | None = None) -> tuple[Layer, Place]:
         """The layer as the journal tells it, at revision ``until`` or the last, and the place behind that.
@@ -188,14 +202,19 @@ class HeldJournal:
             raise self._journal.damaged(f"{size} bytes, expected {since.offset} or more")
         return list(self._journal.records(since))
 
-    def append(self, since: Place, records: Sequence[Record], *, base: Layer | None = None) -> Place:
+    def append(
+        self, since: Place, records: Sequence[Record], *, base: Layer | None = None, sha256: str = ""
+    ) -> Place:
         """Append records after ``since``, where the whole lines end, and return the place behind them.
 
-        When this returns, they are on the disk.  ``base`` is the layer that a new journal begins with.
+        When this returns, they are on the disk.  A new journal begins with the layer ``base``, whose XML has
+        ``sha256``; whoever begins one holds the session's lock.
         """
         lines = [encoded(record.to_dict(), self._journal.path) for record in records]
         if not since.offset and base is not None:
-            lines.insert(0, encoded({"revision": 0, "layer": to_json(base)}, self._journal.path))
+            lines.insert(
+                0, encoded({"revision": 0, "sha256": sha256, "layer": to_json(base)}, self._journal.path)
+            )
         data = b"".join(lines)
         # what lies behind is torn, or a header without a record
         append_at(self._file, self._journal.path, since.offset, data)

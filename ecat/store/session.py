@@ -262,10 +262,28 @@ class Session:
                 now = checkpoint.save(now, [(layer, place)])
             self._snapshot = now
 
+    @contextmanager
+    def hold(self, *, wait_s: float = _LOCK_WAIT_S) -> Generator[Manifest]:
+        """Keep everybody else from writing for the time of the block, which gets the manifest as it is now.
+
+        Raises
+        ------
+        LockedError : another process is writing for longer than ``wait_s``.
+        """
+        what = f"cannot write to session {self.path.name}"
+        with locked(self.path, wait_s=wait_s):
+            roll_forward(self.path, what)
+            yield Snapshot.read(self.path).manifest
+
+    def reread(self) -> Session:
+        """Read ``session.json`` again; returns this session."""
+        settle(self.path)
+        self._snapshot = Snapshot.read(self.path)
+        return self
+
     def refresh(self) -> Session:
         """Read the session again, with what its journals say by now; returns this session."""
-        settle(self.path)
-        self._snapshot = checkpoint.catch_up(Snapshot.read(self.path))
+        self._snapshot = checkpoint.catch_up(self.reread().snapshot)
         return self
 
 

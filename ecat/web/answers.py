@@ -27,7 +27,6 @@ from ecat.errors import (
 )
 
 JSON = "application/json"
-BINARY = "application/octet-stream"
 GZIP_FROM_BYTES = 1 << 16
 """Shorter answers are not worth packing."""
 _STATUS: tuple[tuple[type[EcatError], int], ...] = (
@@ -46,9 +45,9 @@ _MOST_PROBLEMS = 20
 
 
 class Binary(Response):
-    """Bytes, said of what is described."""
+    """Columns of numbers; not compressed, since measured ones hardly become smaller."""
 
-    media_type = BINARY
+    media_type = "application/octet-stream"
 
 
 class Jpeg(Response):
@@ -84,12 +83,12 @@ def json_answer(data: object, *, status: int = 200) -> Response:
     return Response(encoded(data), status, media_type=JSON)
 
 
-def packed_answer(request: Request, data: bytes, media_type: str = JSON) -> Response:
-    """A large answer, compressed for those who take it so."""
+def packed_answer(request: Request, data: bytes) -> Response:
+    """JSON, compressed if it is long and whoever asks takes it so."""
     if len(data) < GZIP_FROM_BYTES or "gzip" not in request.headers.get("accept-encoding", ""):
-        return Response(data, media_type=media_type)
+        return Response(data, media_type=JSON)
     headers = {"content-encoding": "gzip", "vary": "accept-encoding"}
-    return Response(gzip.compress(data, 1, mtime=0), media_type=media_type, headers=headers)
+    return Response(gzip.compress(data, 1, mtime=0), media_type=JSON, headers=headers)
 
 
 def error_body(error: EcatError) -> dict[str, Any]:

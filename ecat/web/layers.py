@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,8 @@ from ecat.web.live import Hub
 
 IDLE_S = 2.0
 """After so long without an edit, XML and tables are written."""
+IDLE_SHARE = 5
+"""Or after so many times as long as that took last: what is written meanwhile makes an edit wait a little."""
 AT_LEAST_EVERY_S = 60.0
 """They are also written so often while somebody edits without a pause."""
 AGAIN_AFTER_S = 10.0
@@ -41,6 +44,7 @@ class SharedLayer:
         self._packing = threading.Lock()
         self._idle: asyncio.TimerHandle | None = None
         self._edited_s: float | None = None
+        self._took_s = 0.0
         self._saving: asyncio.Task[None] | None = None
 
     @property
@@ -171,9 +175,9 @@ class SharedLayer:
 
     async def save(self) -> None:
         """Write XML and tables as of now, and tell so."""
-        before = self._editor.saved_revision
+        before, begun_s = self._editor.saved_revision, time.monotonic()
         await asyncio.to_thread(self._editor.save)
-        self._edited_s = None
+        self._edited_s, self._took_s = None, time.monotonic() - begun_s
         if self._editor.saved_revision != before:
             self._hub.tell({"type": "saved", "layer": self.name, "revision": self._editor.saved_revision})
 
@@ -188,9 +192,10 @@ class SharedLayer:
         except EcatError as error:
             print(f"ecat: {error}", file=sys.stderr)  # noqa: T201 - nobody else is left to be told
 
-    def _save_soon(self, after_s: float = IDLE_S) -> None:
+    def _save_soon(self, after_s: float = 0.0) -> None:
         loop = asyncio.get_running_loop()
         now = loop.time()
+        after_s = max(after_s, IDLE_S, IDLE_SHARE * self._took_s)
         self._edited_s = self._edited_s or now
         if self._idle is not None:
             self._idle.cancel()

@@ -20,6 +20,8 @@ from ecat.web.site import Site
 
 USUAL_PORT = 8765
 _END_WITHIN_S = 5
+_KEEP_S = 75
+"""Longer than people think between two edits, so that an edit seldom has to connect anew."""
 _MOST_MESSAGE_BYTES = 1 << 16
 _SWITCH_S = 0.0005
 """How long one thread of Python may keep the others waiting: a table being packed, an edit to be acknowledged."""
@@ -71,6 +73,7 @@ class Server:
             ws="websockets-sansio",
             ws_max_size=_MOST_MESSAGE_BYTES,
             timeout_graceful_shutdown=_END_WITHIN_S,
+            timeout_keep_alive=_KEEP_S,
         )
         self._server = uvicorn.Server(config)
 

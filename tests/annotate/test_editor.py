@@ -287,6 +287,32 @@ class TestManyAtOnce:
         assert ids(editor.layer) == ["a2"]
         assert editor.layer.events[0].author == "bob"
 
+    def test_before_the_first_step_another_program_may_replace_the_layer(self, session: Session) -> None:
+        ann, bob = edit(session, "ann"), edit(session, "bob")
+        replaced = Layer(events=(Event(id="a7", segments=(Segment(start_frame=0, end_frame=9),)),))
+        with open_session(session.path).write() as commit:
+            commit.put_layer(replaced)
+        assert ann.refresh() == []
+        assert ann.layer == replaced
+        with pytest.raises(StaleError):
+            do(bob, event(20, 29), base=0)
+        late = edit(session, "late")
+        do(bob, event(20, 29), base=0)
+        assert ids(open_session(session.path).layer()) == ["a7", "a1"]
+        assert validate(open_session(session.path)) == []
+        late.refresh()
+        assert late.layer == bob.layer
+
+    def test_nor_does_it_matter_who_takes_the_first_step(self, session: Session) -> None:
+        ann, bob = edit(session, "ann"), edit(session, "bob")
+        with open_session(session.path).write() as commit:
+            commit.put_layer(Layer(scheme="blocks"))
+        do(edit(session, "eve"), event(20, 29))
+        do(ann, event(40, 49))
+        bob.refresh()
+        assert bob.layer == ann.layer == open_session(session.path).layer()
+        assert ann.layer.scheme == "blocks"
+
 
 class TestSaving:
     def test_a_saved_session_contains_everything(self, session: Session) -> None:

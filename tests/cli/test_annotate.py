@@ -105,6 +105,11 @@ def test_what_cannot_be_annotated_is_refused(ecat: Ecat, tmp_path: Path) -> None
     assert ecat("annotate", tmp_path / "file").code == 1
 
 
+def test_only_whoever_annotates_waits_for_the_server_to_load() -> None:
+    code = "import sys, ecat.cli.annotate; sys.exit({'fastapi', 'uvicorn', 'starlette'} & set(sys.modules) != set())"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 @pytest.mark.parametrize("port", ["-1", "65536", "x"])
 def test_a_port_is_a_number_that_ports_have(ecat: Ecat, session: Path, port: str) -> None:
     assert ecat("annotate", session, "--port", port).code == 2

@@ -86,16 +86,3 @@ def test_merged_regions_cover_the_same_and_do_not_overlap(regions: list[Region])
         covered[top:bottom, left:right] += 1
     assert covered.max(initial=0) <= 1
     assert all(covered[t:b, x:r].all() for x, t, r, b in regions)
-
-
-def test_changes_can_be_asked_for_without_looking_at_them() -> None:
-    changes, dark = Changes(8), np.zeros((4, 5), np.uint8)
-    bright = dark + np.eye(4, 5, dtype=np.uint8) * 9
-    assert changes.any(dark)
-    changes.look(dark)
-    assert not changes.any(dark)
-    assert changes.any(bright)
-    assert changes.any(bright)
-    assert changes.look(bright)
-    assert not changes.any(bright)
-    assert not changes.any(np.empty((0, 5), np.uint8))

@@ -261,7 +261,7 @@ def test_images_are_looked_at_one_after_the_other_and_let_go() -> None:
                 yield image
 
     assert track_markers(Stream([rng.random(1)] * 12, CAMERA), PARAMETERS).num_rows
-    assert most <= 2 * PARAMETERS.together + 1
+    assert most <= PARAMETERS.together + 1
 
 
 def test_the_same_video_gives_the_same_table() -> None:

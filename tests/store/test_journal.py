@@ -40,12 +40,15 @@ def append(session: Session, steps: int = 1) -> list[Layer]:
     """Append steps to the journal of ``main``, and return every state, the one before them first."""
     journal = Journal(session.path, "main")
     states = [journal.replay()[0] if journal.size() else session.layer()]
+    sha256 = session.manifest.layers[0].sha256
     with journal.hold() as held:
         news = held.news(START)
         place = news[-1][1] if news else START
         for _ in range(steps):
             new = edited(states[-1], place.revision + 1)
-            place = held.append(place, [record(place.revision + 1, states[-1], new)], base=states[-1])
+            place = held.append(
+                place, [record(place.revision + 1, states[-1], new)], base=states[-1], sha256=sha256
+            )
             states.append(new)
     return states
 

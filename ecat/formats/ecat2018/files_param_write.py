@@ -14,9 +14,10 @@ from ecat.formats.ecat2018.face_lines import FaceLines, ReadTable
 from ecat.formats.ecat2018.files_param import DECLARATION, SECTIONS
 from ecat.formats.ecat2018.key_frames import key_frame_attributes, key_frame_text
 from ecat.formats.ecat2018.lexical import attribute, text
-from ecat.formats.ecat2018.objects import SHAPES, object_attributes
+from ecat.formats.ecat2018.objects import SHAPES, is_attribute, object_attributes
+from ecat.formats.ecat2018.old_ids import with_old_ids
 from ecat.formats.ecat2018.relations import link_attributes, link_spans, predicate_attributes
-from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Relation, Stream
+from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Property, Relation, Stream
 
 
 def file_name(manifest: Manifest, stream: Stream) -> str:
@@ -53,14 +54,16 @@ class _Writer:
         self, manifest: Manifest, layer: Layer, read: ReadTable, foreign: dict[str, str], findings: list[str]
     ) -> None:
         self._manifest = manifest
-        self._layer = layer
+        # what was imported keeps the ids that it had
+        self._imported = manifest.provenance.format == "ecat-2018"
+        self._layer, self._known_as = (layer, {}) if self._imported else with_old_ids(layer)
         self._read = read
         self._foreign = foreign
         self._findings = findings
         self._file_names = {stream.name: file_name(manifest, stream) for stream in manifest.streams}
         self._links: dict[str, list[Relation]] = {}
         self._predicates: list[Relation] = []
-        for relation in layer.relations:
+        for relation in self._layer.relations:
             if kept(relation.foreign, "link") is not None and relation.targets:
                 self._links.setdefault(relation.targets[0], []).append(relation)
             else:
@@ -98,7 +101,8 @@ class _Writer:
         said: list[tuple[str, str]] = []
         if name == "objects" and self._foreign.get("objects@no") != "absent":
             said.append(("no", str(self._layer.object_counter)))
-        if name == "annotations" and "annotations@no" in self._foreign:
+        # ECAT's last version reads no events without it; the earlier ones neither wrote nor miss it
+        if name == "annotations" and ("annotations@no" in self._foreign or not self._imported):
             said.append(("no", str(self._layer.event_counter)))
         others = (
             (key.removeprefix(f"{name}@"), value)
@@ -151,14 +155,31 @@ class _Writer:
                 )
                 continue
             named = replace(thing, stream=self._file_names.get(thing.stream, thing.stream))
+            named = replace(named, properties=tuple(self._writable(named)))
+            if thing.interpolation == "hold":
+                self._findings.append(
+                    f"object {thing.id}: ECAT interpolates all alike; that its shape holds is left out"
+                )
             head = f"object{_said(object_attributes(named))}"
             yield from _wrapped(head, self._object_body(thing, faces), "    ", or_empty=True)
+
+    def _writable(self, thing: AnnotatedObject) -> Iterator[Property]:
+        """The properties that can be attributes; one that has the name of another attribute would take its place."""
+        for item in thing.properties:
+            if kept(thing.foreign, "attributes") is not None or is_attribute(item.name):
+                yield item
+            else:
+                self._findings.append(
+                    f"object {thing.id}: the property {item.name!r} cannot be an attribute of an object; left out"
+                )
 
     def _object_body(self, thing: AnnotatedObject, faces: FaceLines) -> Iterator[str]:
         flat = kept(thing.foreign, "layout") == "flat"
         for dimensions, keys in ((2, thing.key_frames), (3, thing.key_frames_3d)):
             if thing.kind == "marker_box":
-                lines = faces.markers(thing, dimensions)
+                # the tables know it by the id that it has in the session
+                marked = replace(thing, id=self._known_as.get(thing.id, thing.id))
+                lines = faces.markers(marked, dimensions)
             else:
                 lines = (_drawn(key, dimensions) for key in keys)
             if flat and dimensions == 2:
@@ -187,6 +208,16 @@ class _Writer:
         for event in self._layer.events:
             if event.parent is not None:
                 parts.setdefault(event.parent, []).append(event.id)
+        unsaid = [
+            e.id
+            for e in self._layer.events
+            if e.status == "confirmed" and (e.type or e.unsure or e.properties)
+        ]
+        if unsaid:
+            few = ", ".join(unsaid[:3]) + (", ..." if len(unsaid) > 3 else "")
+            self._findings.append(
+                f"events {few}: ECAT has no types, doubts or properties of events; those of {len(unsaid)} were left out"
+            )
         for event in self._layer.events:
             if event.status == "proposed":
                 self._findings.append(f"event {event.id}: a proposal; left out until it is confirmed")

@@ -31,9 +31,16 @@ _FIELDS = {
     "semanticType": "semantic_type",
     "shape": "kind",
 }
+_NAME = re.compile(r"(?!(?i:xml))[A-Za-z_][A-Za-z0-9_.-]*")
+"""Of an attribute: ECAT gives up on a whole file over another one (§4.1)."""
 _KINDS: dict[str, ObjectKind] = {"Rectangle": "rectangle", "Polygon": "polygon"}
 _KINDS.update((shape, kind) for kind, shape in SHAPES.items())
 _ORIGINS: dict[str, Origin] = {"MANUAL": "manual", "TRACKED": "tracked", "PROVIDED": "provided"}
+
+
+def is_attribute(name: str) -> bool:
+    """Whether a property of this name can be written beside an object's own attributes."""
+    return _NAME.fullmatch(name) is not None and name not in _FIELDS
 
 
 def kind_of(shape: str) -> ObjectKind:

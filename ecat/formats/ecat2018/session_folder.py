@@ -302,8 +302,11 @@ def _on_frames(rows: pa.Table, object_id: str | None, said: SessionFile) -> pa.T
 def write_session(session: Session, folder: Path, findings: list[str]) -> None:
     """Write the session's files into ``folder``, an existing folder that is being made."""
     manifest = session.manifest
-    layer = session.layer("main") if manifest.layer("main") is not None else Layer()
-    extra = [record.name for record in manifest.layers if record.name != "main"]
+    names = [record.name for record in manifest.layers]
+    people = [name for name in names if name != "machine"]
+    chosen = "main" if "main" in names else next(iter(people), "")
+    layer = session.layer(chosen) if chosen else Layer()
+    extra = [name for name in names if name != chosen]
     findings += [f"{session.name}: ECAT has one layer; {name!r} was left out" for name in extra]
 
     def read(name: str) -> pa.Table | None:

@@ -37,7 +37,7 @@ async def live(socket: WebSocket, sid: str) -> None:
     """Tell a page about records, people, checkpoints and videos; be told where its person is."""
     site: Site = socket.app.state.site
     try:
-        opened = site.opened(sid)
+        opened = await site.opened(sid)
     except EcatError:
         await socket.close(POLICY_VIOLATION, "there is no such session")
         return

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from ecat.errors import NotFoundError, UsageError
-from ecat.web.answers import BINARY, Binary, Jpeg, Video, error_answer, json_answer, packed_answer
+from ecat.web.answers import Binary, Jpeg, Video, error_answer, json_answer
 from ecat.web.shapes import DepthAnswer
 from ecat.web.site import TheSession
 from ecat.web.times import image_times_s
@@ -19,11 +19,11 @@ REVALIDATED = {"cache-control": "private, no-cache"}
 
 
 @router.get("/times/{stream}", response_class=Binary)
-def times(opened: TheSession, stream: str, request: Request) -> Response:
+def times(opened: TheSession, stream: str) -> Response:
     """Seconds since the session's start, float64, one for each image of the stream."""
     session = opened.session
     seconds = image_times_s(session, session.stream(stream)).astype("<f8")
-    return packed_answer(request, seconds.tobytes(), BINARY)
+    return Binary(seconds.tobytes())
 
 
 @router.get("/media/{stream}", response_class=Video)

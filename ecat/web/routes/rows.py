@@ -6,11 +6,11 @@ from typing import Annotated
 
 import pyarrow as pa
 import pyarrow.compute as pc
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Query, Response
 
 from ecat.errors import UsageError
 from ecat.tables import TABLES
-from ecat.web.answers import BINARY, Binary, json_answer, packed_answer
+from ecat.web.answers import Binary, json_answer
 from ecat.web.binary import columns_of, pack, wanted
 from ecat.web.shapes import SeriesShape
 from ecat.web.site import TheSession
@@ -23,7 +23,6 @@ Frame = Annotated[int | None, Query(ge=-(2**31), lt=2**31)]
 def columns(  # noqa: PLR0917 - FastAPI calls it by names
     opened: TheSession,
     table: str,
-    request: Request,
     columns: Annotated[str, Query(max_length=2000)] = "",
     object_id: Annotated[str | None, Query(max_length=200)] = None,
     start_frame: Frame = None,
@@ -48,7 +47,7 @@ def columns(  # noqa: PLR0917 - FastAPI calls it by names
     rows = view.to_arrow()
     if object_id is not None:
         rows = rows.filter(pc.equal(rows["object_id"].cast(pa.string()), pa.scalar(object_id)))
-    return packed_answer(request, pack(columns_of(rows.select(names))), BINARY)
+    return Binary(pack(columns_of(rows.select(names))))
 
 
 @router.get("/series", response_model=list[SeriesShape])
@@ -58,6 +57,6 @@ def series(opened: TheSession) -> Response:
 
 
 @router.get("/series/{name}", response_class=Binary)
-def curve(opened: TheSession, name: str, request: Request) -> Response:
+def curve(opened: TheSession, name: str) -> Response:
     """A curve: columns ``frame`` and ``value``, where it is known."""
-    return packed_answer(request, pack(opened.curves().columns(name)), BINARY)
+    return Binary(pack(opened.curves().columns(name)))

@@ -12,8 +12,9 @@ from ecat.store.media import annotated_stream
 from ecat.web.answers import json_answer
 from ecat.web.layers import SharedLayer
 from ecat.web.proxies import Proxy, describe
+from ecat.web.sessions import OpenSession
 from ecat.web.shapes import Invitation, ProjectShape, SessionShape
-from ecat.web.site import OpenSession, TheSession, TheSite
+from ecat.web.site import TheSession, TheSite
 
 router = APIRouter(prefix="/api", tags=["sessions"])
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import isnan, nan
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +19,7 @@ from ecat.model import (
     Layer,
     Link,
     Manifest,
+    Property,
     Relation,
     Role,
     Segment,
@@ -76,6 +78,7 @@ def test_a_session_that_was_not_imported_is_written_as_ecat_would() -> None:
         events=event(),
         predicates=predicate(5, "o1", "STAND(X)"),
     ).replace('no="5"', 'no="2"')
+    expected = expected.replace("<annotations>", '<annotations no="1">')
     assert text == expected
     assert findings == []
 
@@ -115,6 +118,51 @@ class TestWhatEcatCannotExpressIsTold:
         assert "3 arguments; left out" in told(
             Layer(relations=(Relation(predicate="GIVE", start_frame=0, arguments=arguments),))
         )
+
+    def test_types_doubts_and_properties_of_events(self) -> None:
+        assert told(Layer(events=(Event(id="a1", type="slide"), Event(id="a2", unsure=True)))) == (
+            "events a1, a2: ECAT has no types, doubts or properties of events; those of 2 were left out"
+        )
+
+    def test_shapes_that_hold(self) -> None:
+        thing = AnnotatedObject(id="o1", kind="rectangle", interpolation="hold")
+        assert "that its shape holds is left out" in told(Layer(objects=(thing,)))
+
+    @pytest.mark.parametrize("name", ["my size", "1st", "xmlns", "", "id", "größe", "a:b", "a=b"])
+    def test_properties_that_cannot_be_attributes(self, name: str) -> None:
+        # ECAT wrote them, and could not read the file again (§4.1)
+        properties = (Property(name, "7"), Property("size", "big"))
+        text, findings = exported(
+            Layer(objects=(AnnotatedObject(id="o1", kind="rectangle", properties=properties),))
+        )
+        assert ' size="big"' in text
+        assert findings == [f"object o1: the property {name!r} cannot be an attribute of an object; left out"]
+
+
+def test_ids_are_numbers_as_ecat_gives_them() -> None:
+    layer = Layer(
+        object_counter=2,
+        objects=(AnnotatedObject(id="o2", kind="rectangle"), AnnotatedObject(id="cup", kind="rectangle")),
+        events=(
+            Event(id="pour", text="cup", references=(TextReference(start=0, end=3, target="cup"),)),
+            Event(id="a7", parent="pour", links=(Link(type="CAUSE", target="pour"),)),
+        ),
+        relations=(
+            Relation(
+                predicate="ON", start_frame=0, arguments=(Argument(target="cup"), Argument(target="s/cup"))
+            ),
+        ),
+    )
+    text, findings = exported(layer)
+    assert findings == []
+    assert '<objects no="3">' in text
+    assert '<annotations no="8">' in text
+    assert '<object id="o3"' in text
+    assert '<annotation id="a8">' in text
+    assert 'refTo="o3"' in text
+    assert '<linkTo id="a7" type="SUBEVENT(X,Y)" />' in text
+    assert '<linkTo id="a8" type="CAUSE(X,Y)" />' in text
+    assert 'ids="o3,s/cup"' in text
 
 
 def test_an_end_of_a_relation_is_its_denial() -> None:
