@@ -32,9 +32,10 @@ format: $(VENV)/.installed-dev  ## format the code and mend what the linter can 
 bench: $(VENV)/.installed-test  ## measure the speed of the parts
 	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
 
-docs: $(VENV)/.installed  ## write docs/cli.md and schemas/ anew from the code
+docs: $(VENV)/.installed  ## write docs/cli.md, schemas/ and web/openapi.json anew from the code
 	$(PY) -m ecat.cli.reference > docs/cli.md.new && mv docs/cli.md.new docs/cli.md
 	$(PY) -m ecat.schemas
+	$(PY) -m ecat.web.openapi > web/openapi.json.new && mv web/openapi.json.new web/openapi.json
 
 golden: $(VENV)/.installed-test  ## accept what the code writes now as the expected output of the tests
 	$(PY) -m pytest --update-golden

@@ -26,7 +26,7 @@ MAX_FUNCTION_LINES = 60
 NEVER_AT_IMPORT = {"matplotlib", "open3d", "rerun", "torch"}
 PARTS = {"pydantic_core": "pydantic"}
 """Packages that another one pins exactly and documents as its own."""
-NOT_AT_START = NEVER_AT_IMPORT | {"cv2", "pandas", "scipy"}
+NOT_AT_START = NEVER_AT_IMPORT | {"cv2", "fastapi", "pandas", "scipy", "uvicorn"}
 
 
 def name_of(path: Path) -> str:

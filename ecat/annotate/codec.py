@@ -18,6 +18,8 @@ from ecat.model.changes import to_json
 
 MOST_TEXT = 10_000
 """Characters of one text."""
+MOST_NAME = 200
+"""Characters of an author's name."""
 MOST_NUMBERS = 10_000
 """Numbers, or other parts, of one list."""
 MOST_OPERATIONS = 100_000
@@ -102,6 +104,20 @@ def require_few(n: int) -> None:
             consequence="nothing was changed",
             fix="do it in several steps",
         )
+
+
+def require_author(name: str) -> None:
+    """Return if ``name`` can be kept as that of an author.
+
+    Raises
+    ------
+    SchemaError : it cannot.
+    """
+    problems = list(_problems(name, "author"))
+    if len(name) > MOST_NAME:
+        problems = [f"author: {len(name):,} characters, at most {MOST_NAME} are a name"]
+    if problems:
+        raise _wrong(problems)
 
 
 def _problems(value: Any, path: str) -> Iterator[str]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Literal
 
-from ecat.annotate.codec import operation_from_dict, operation_to_dict, require_few
+from ecat.annotate.codec import operation_from_dict, operation_to_dict, require_author, require_few
 from ecat.annotate.history import History, turn_back
 from ecat.annotate.operations import Edit, Operation
 from ecat.annotate.rules import perform, require_sound
@@ -274,6 +274,7 @@ class Editor:
             self._require_base(base)
             first = None if self._place.offset else self._document.layer()
             edit = self._edit(self._who(author))
+            require_author(edit.author)
             changes = change(edit)
             if not changes and not may_be_empty:
                 return Record(revision=self.revision, author=edit.author, time=now(), operation=operation)

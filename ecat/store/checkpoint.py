@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from ecat.errors import EcatError
+from ecat.errors import EcatError, InputError
 from ecat.model import Layer, LayerRecord
 from ecat.model.document import Document
 from ecat.store.commit import Commit
@@ -49,6 +49,14 @@ def fold(snapshot: Snapshot) -> Snapshot:
             if place.revision > record.journal_revision:
                 found.append((layer, place))
     return save(snapshot, found) if found else snapshot
+
+
+def fold_if_possible(snapshot: Snapshot) -> Snapshot:
+    """:func:`fold`, unless a layer has become one that cannot be written: that is no reason not to write others."""
+    try:
+        return fold(snapshot)
+    except InputError:
+        return snapshot
 
 
 def save(snapshot: Snapshot, layers: list[tuple[Layer, Place]]) -> Snapshot:

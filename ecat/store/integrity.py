@@ -76,6 +76,7 @@ def _layer_faults(session: Session, record: LayerRecord) -> Iterator[Fault]:
     journal = journal_file(record.name)
     try:
         current(session.snapshot, record)
+        Journal(session.path, record.name).require(Place(record.journal_revision, record.journal_bytes))
     except EcatError as error:
         yield _fault(journal, error)
 

@@ -132,6 +132,21 @@ class Journal:
     def _no_beginning(self) -> CorruptError:
         return self.damaged("it does not begin with the layer that it continues")
 
+    def require(self, place: Place) -> None:
+        """Return if there are records up to ``place``, one after the other.
+
+        Raises
+        ------
+        CorruptError : there are not.
+        """
+        found = START
+        for _, found in self.records(until=place.revision, changes=False):  # noqa: B007 - the last one counts
+            pass
+        if found != place:
+            raise self.damaged(
+                f"revision {place.revision} does not end at byte {place.offset}, as its XML says"
+            )
+
     def replay(self, until: int | None = None) -> tuple[Layer, Place]:
         """The layer as the journal tells it, at revision ``until`` or the last, and the place behind that.
 

@@ -209,7 +209,8 @@ class Session:
         Parameters
         ----------
         expected_revision : the revision that the change is based on; the one this object was read at, by
-            default. wait_s : how long to wait for another writer.
+            default, where layers that others have edited since do not matter unless they are put. wait_s : how long
+            to wait for another writer.
 
         Raises
         ------
@@ -221,7 +222,7 @@ class Session:
         with locked(self.path, wait_s=wait_s):
             with files.typed_errors(what, self.path, "nothing was written"):
                 roll_forward(self.path, what)
-            now = checkpoint.fold(Snapshot.read(self.path))
+            now = checkpoint.fold_if_possible(Snapshot.read(self.path))
             moved_on = _moved_on(self._snapshot.manifest, now.manifest)
             if expected_revision is None and moved_on is None:
                 raise self._snapshot.stale(now.manifest.revision)

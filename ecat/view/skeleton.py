@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ecat.geometry.transforms import Floats
+from ecat.model.skeleton import BONES
 from ecat.view.scene import (
     CAMERA,
     IMAGE,
@@ -30,18 +30,6 @@ from ecat.view.scene import (
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
-
-_CHAINS = (
-    "SpineBase SpineMid SpineShoulder Neck Head",
-    "SpineShoulder ShoulderLeft ElbowLeft WristLeft HandLeft HandTipLeft",
-    "SpineShoulder ShoulderRight ElbowRight WristRight HandRight HandTipRight",
-    "WristLeft ThumbLeft",
-    "WristRight ThumbRight",
-    "SpineBase HipLeft KneeLeft AnkleLeft FootLeft",
-    "SpineBase HipRight KneeRight AnkleRight FootRight",
-)
-BONES: tuple[tuple[str, str], ...] = tuple(pair for chain in _CHAINS for pair in pairwise(chain.split()))
-"""Bones of the Kinect v2's 25 joints; of a body with other joints, those are drawn whose two ends it has."""
 
 
 def skeletons(joints: pa.Table, scene: Scene) -> Iterator[Chunk]:

@@ -17,8 +17,8 @@ from ecat.errors import EcatError, NotFoundError
 from ecat.store import Session
 from ecat.store.media import open_images
 from ecat.store.media.container import decoded, media_errors, open_media
+from ecat.store.times import count_images
 from ecat.web.exact import DEPTH_KINDS, bounds_of, colored
-from ecat.web.times import count_images
 
 if TYPE_CHECKING:
     from av import VideoFrame, VideoStream

@@ -20,9 +20,9 @@ from typing import Any, Literal, TypeAlias
 
 from ecat.errors import EcatError, NotFoundError
 from ecat.store import Session, files
+from ecat.store.times import count_images
 from ecat.web import encode
 from ecat.web.exact import DEPTH_KINDS, IMAGE_KINDS
-from ecat.web.times import count_images
 
 State: TypeAlias = Literal["absent", "making", "ready", "failed"]
 VERSION = 1

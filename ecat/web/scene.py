@@ -9,10 +9,10 @@ import pyarrow as pa
 
 from ecat.model import Camera
 from ecat.model.prototype import BoxPrototype
+from ecat.model.skeleton import BONES
 from ecat.process.inputs import session_camera
 from ecat.process.prototypes import kept_prototypes
 from ecat.store import Session
-from ecat.view.skeleton import BONES
 
 _PLANE = ("nx", "ny", "nz", "d", "origin_x", "origin_y", "origin_z", "qx", "qy", "qz", "qw")
 

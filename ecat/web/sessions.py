@@ -18,13 +18,13 @@ from ecat.model.scheme import BUILT_IN_SCHEMES
 from ecat.process.proposals import LAYER as MACHINE
 from ecat.store import Session, open_session
 from ecat.store.media import annotated_stream
+from ecat.store.times import count_images, image_times_s, median_rate_hz
 from ecat.web import proxies, scene
 from ecat.web.exact import IMAGE_KINDS
 from ecat.web.layers import SharedLayer
 from ecat.web.live import Hub
 from ecat.web.proxies import Proxy
 from ecat.web.series import Curves
-from ecat.web.times import count_images, image_times_s, median_rate_hz
 
 if TYPE_CHECKING:
     from ecat.web.site import Site

@@ -98,6 +98,12 @@ class TestSteps:
         assert (record.revision, record.changes, editor.revision) == (1, (), 1)
         assert editor.apply([]).changes == ()
 
+    @pytest.mark.parametrize("author", ["\0", "\ud800", "a" * 201])
+    def test_an_author_has_a_name(self, session: Session, author: str) -> None:
+        with pytest.raises(SchemaError) as caught:
+            do(edit(session), event(0, 9), author=author)
+        assert caught.value.problems[0].startswith("author: ")
+
     def test_a_full_disk_changes_nothing(self, session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
         editor = edit(session)
         do(editor, event(0, 9))

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from ecat.annotate import AddEvent, Editor, SetScheme, write_scheme
 from ecat.check import Finding, check, repair
 from ecat.errors import NotFoundError
-from ecat.model import AnnotatedObject, Layer, Manifest, ProjectManifest, Stream
+from ecat.model import AnnotatedObject, CodingScheme, Layer, Manifest, ProjectManifest, Stream, Tier
 from ecat.model.prototype import NOMINAL_BOXES
 from ecat.process.graph import parameters_of, recorded
 from ecat.process.inputs import input_hashes
@@ -147,6 +148,65 @@ def test_annotations_edited_by_hand_are_taken_over(session: Path) -> None:
         "Performer",
         "table",
     ]
+
+
+@pytest.fixture
+def edited(session: Path) -> Path:
+    """A session whose layer has a history."""
+    with Editor(open_session(session), author="ann") as editor:
+        editor.apply(AddEvent(segments=((0, 5),)))
+    return session
+
+
+def test_a_session_that_people_annotate_has_no_findings(edited: Path) -> None:
+    with Editor(open_session(edited), author="bob") as editor:
+        editor.apply(AddEvent(segments=((0, 5),)))
+        assert check(edited, deep=True) == []
+        editor.apply(AddEvent(segments=((5, 8),)))
+    assert check(edited, deep=True) == []
+
+
+def test_a_journal_that_does_not_fit_its_layer_is_set_aside(edited: Path) -> None:
+    journal = edited / "annotations" / "main.journal.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-2] + b"?\n")
+    layer = open_session(edited).layer()
+    finding = only(check(edited))
+    assert (finding.code, finding.place) == ("journal-misfit", "layer main, journal")
+    assert "revision 1 does not end at byte" in finding.message
+    assert repair(edited, [finding]).failed == []
+    assert check(edited, deep=True) == []
+    assert open_session(edited).layer() == layer
+    assert [path.name for path in journal.parent.glob("*.old")] != []
+    with Editor(open_session(edited)) as editor:
+        assert editor.history() == []
+        editor.apply(AddEvent(segments=((0, 5),)))
+    assert check(edited, deep=True) == []
+
+
+def test_a_journal_that_is_gone_is_done_without(edited: Path) -> None:
+    (edited / "annotations" / "main.journal.jsonl").unlink()
+    finding = only(check(edited))
+    assert finding.code == "journal-misfit"
+    assert repair(edited, [finding]).failed == []
+    assert check(edited, deep=True) == []
+
+
+def test_a_hand_edit_of_a_layer_with_a_history_is_a_step_of_it(edited: Path) -> None:
+    rewrite(edited / "annotations" / "main.xml", 'end_frame="5"', 'end_frame="6"')
+    finding = only(check(edited))
+    assert finding.code == "layer-edited"
+    assert repair(edited, [finding]).failed == []
+    assert check(edited, deep=True) == []
+    with Editor(open_session(edited)) as editor:
+        assert [record.op for record in editor.history()] == ["add_event", "replace"]
+
+
+def test_a_layer_is_compared_with_the_coding_scheme_beside_it(edited: Path) -> None:
+    scheme = CodingScheme(name="mine", tiers=(Tier(name="hand"),))
+    write_scheme(scheme, edited / "annotations" / "mine.scheme.xml")
+    with Editor(open_session(edited)) as editor:
+        editor.apply([SetScheme(name="mine"), AddEvent(segments=((0, 5),), tier="foot")])
+    assert {finding.code for finding in check(edited)} == {"off-scheme"}
 
 
 def test_annotations_are_examined_as_they_were_edited(session: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from ecat.check import examine
 from ecat.model import AnnotatedObject, Link, Role, TextPredicate, TextReference
-from ecat.model.annotation import Argument
+from ecat.model.annotation import Argument, Decision
 
 if TYPE_CHECKING:
     from conftest import Case
@@ -91,6 +91,16 @@ def test_an_id_that_occurs_twice(case: Case) -> None:
     case.layer = replace(case.layer, objects=(*case.layer.objects, AnnotatedObject(id="o1", name="again")))
     (finding,) = examine(case.patient)
     assert (finding.code, finding.message) == ("duplicate-id", "object ids that occur more than once: o1")
+
+
+def test_a_decision_whose_result_is_not_there(case: Case) -> None:
+    accepted = Decision(proposal="machine/a1", verdict="accepted", result="a9")
+    case.layer = replace(
+        case.layer, decisions=(accepted, Decision(proposal="machine/a2", verdict="rejected"))
+    )
+    (finding,) = examine(case.patient)
+    assert finding.place == "layer main, decision about machine/a1"
+    assert finding.message == "a9, which was made of it, does not exist"
 
 
 def test_events_that_are_parts_of_each_other(case: Case) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from rerun.chunk import Chunk
 
 from ecat.view.scene import PALETTE, UNOBSERVED, rgba
-from ecat.view.skeleton import BONES, joint_grid, skeletons
+from ecat.view.skeleton import joint_grid, skeletons
 from tests.view.chunks import at, paths, scene, table
 
 BODY = "/world/camera/skeleton/body_3"
@@ -66,8 +66,3 @@ def test_missing_joints_of_a_frame_are_nan() -> None:
     assert names.tolist() == ["ElbowLeft", "ShoulderLeft"]
     assert np.isnan(positions[1, 1]).all()
     assert tracked.tolist() == [[True, False], [True, False]]
-
-
-def test_the_bones_of_a_kinect_body_form_one_tree() -> None:
-    assert len(BONES) == 24
-    assert len({joint for bone in BONES for joint in bone}) == 25

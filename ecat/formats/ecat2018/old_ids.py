@@ -1,4 +1,4 @@
-"""Ids as ECAT numbers them: objects ``o1``, ``o2``, ... and events ``a1``, ``a2``, ... (ECAT 2018 file format §1.2.3)."""
+"""Ids as ECAT numbers them: objects ``o1``, ``o2``, ..., events ``a1``, ``a2``, ... (ECAT 2018 file format §1.2.3)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import replace
 
 from ecat.model import Event, Layer
 
-_OLD = {"o": re.compile(r"o[1-9][0-9]{0,8}"), "a": re.compile(r"a[1-9][0-9]{0,8}")}
+_OLD = {"o": re.compile(r"o[0-9]{1,9}"), "a": re.compile(r"a[0-9]{1,9}")}
 
 
 def with_old_ids(layer: Layer) -> tuple[Layer, dict[str, str]]:
-    """The layer, where what has an id of another form has the next number, and the ids of objects before by those now."""
+    """The layer with the next number for what has another id; and the ids that objects had, by those they have."""
     objects, last_object = _numbered("o", (thing.id for thing in layer.objects), layer.object_counter)
     events, last_event = _numbered("a", (event.id for event in layer.events), layer.event_counter)
     counted = replace(layer, object_counter=last_object, event_counter=last_event)

@@ -157,7 +157,8 @@ def link_spans(layout: str, relations: list[Relation]) -> list[tuple[int, list[R
         frame, _, count = span.partition(":")
         mine = [relation for relation in waiting if relation.start_frame + 1 == int(frame)][: int(count or 0)]
         waiting = [relation for relation in waiting if not any(relation is taken for taken in mine)]
-        spans.append((int(frame), mine))
+        if mine or not int(count or 0):  # one that was empty stays; one that was emptied goes
+            spans.append((int(frame), mine))
     for relation in waiting:
         frame = relation.start_frame + 1
         if not spans or spans[-1][0] != frame:

@@ -8,10 +8,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from ecat.errors import NotFoundError, UsageError
+from ecat.store.times import image_times_s
 from ecat.web.answers import Binary, Jpeg, Video, error_answer, json_answer
 from ecat.web.shapes import DepthAnswer
 from ecat.web.site import TheSession
-from ecat.web.times import image_times_s
 
 router = APIRouter(prefix="/api/sessions/{sid}", tags=["media"])
 _RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})", re.ASCII)

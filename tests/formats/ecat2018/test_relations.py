@@ -40,6 +40,12 @@ def test_a_link_that_was_moved_is_written_at_its_new_frame() -> None:
     assert sum(len(found) for _, found in spans) == 3
 
 
+def test_a_link_whose_relations_were_removed_is_gone_and_one_that_was_empty_stays() -> None:
+    relations, layout = links()
+    assert names(link_spans(layout, relations[:1])) == [(5, ["ON"]), (7, [])]
+    assert names(link_spans(layout, [])) == [(7, [])]
+
+
 def test_a_link_that_is_new_is_written_too() -> None:
     relations, layout = links()
     new = Relation(
