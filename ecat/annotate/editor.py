@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any, Literal
 
@@ -13,7 +13,7 @@ from ecat.annotate.history import History, turn_back
 from ecat.annotate.operations import Edit, Operation
 from ecat.annotate.rules import perform, require_sound
 from ecat.annotate.surroundings import Surroundings
-from ecat.errors import ConflictError, OperationError, StaleError, UsageError
+from ecat.errors import ConflictError, LockedError, OperationError, StaleError, UsageError
 from ecat.model import CodingScheme, Layer
 from ecat.model.changes import Change, diff, invert
 from ecat.model.document import Document
@@ -69,7 +69,9 @@ class Editor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.save()
+        # every step is on the disk; while another process writes, whoever opens the session next takes them over
+        with suppress(LockedError):
+            self.save()
 
     # ------------------------------------------------------------------------------------------ looking
 

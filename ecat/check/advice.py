@@ -78,6 +78,7 @@ ADVICE: dict[str, str] = {
     "interval-empty": _EDIT,
     "outside-recording": _EDIT,
     "key-frame-order": _EDIT,
+    "key-frame-value": _EDIT,
     "sub-event-outside": _EDIT,
     "off-scheme": _EDIT,
 }

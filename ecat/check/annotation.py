@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from itertools import chain, pairwise
+from math import isnan
 
 from ecat.check.finding import Finding, Patient, error, some, warning
 from ecat.model import CodingScheme, Event, Layer, Relation
+from ecat.model.shapes import shape_problem
 
 FIRST_FRAME = -1
 """Position before the first image, legal in imported annotations (see :mod:`ecat.model.annotation`)."""
@@ -72,6 +75,22 @@ def key_frame_order(patient: Patient) -> Iterator[Finding]:
                     place = f"layer {layer.name}, object {thing.id}"
                     message = f"key frames repeated or out of order at frame {some(wrong)}"
                     yield error("key-frame-order", place, message)
+
+
+def key_frame_values(patient: Patient) -> Iterator[Finding]:
+    """A drawn shape has as many numbers as its kind takes, and they are places; in space a vertex may be unknown."""
+    for layer in patient.layers.values():
+        for thing in layer.objects:
+            if thing.kind not in {"rectangle", "polygon", "point"}:
+                continue
+            frames: dict[str, list[str]] = defaultdict(list)
+            for dimensions, keys in ((2, thing.key_frames), (3, thing.key_frames_3d)):
+                for key in (key for key in keys if key.present):
+                    known = [0.0 if dimensions == 3 and isnan(x) else x for x in key.coordinates]
+                    frames[shape_problem(thing.kind, known, dimensions)].append(str(key.frame))
+            for problem in filter(None, frames):
+                message = f"the {thing.kind} at frame {some(frames[problem])}: {problem}"
+                yield warning("key-frame-value", f"layer {layer.name}, object {thing.id}", message)
 
 
 def sub_events(patient: Patient) -> Iterator[Finding]:
@@ -144,4 +163,4 @@ def _relation_problems(relation: Relation, scheme: CodingScheme) -> Iterator[str
         yield f"it has {len(relation.targets)} arguments, {relation.predicate} takes {expected}"
 
 
-ANNOTATION = (intervals, outside_recording, key_frame_order, sub_events, coding_scheme)
+ANNOTATION = (intervals, outside_recording, key_frame_order, key_frame_values, sub_events, coding_scheme)

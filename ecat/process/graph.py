@@ -281,8 +281,8 @@ class _Run:
         """Renew the layer of proposals, unless a person has decided about some of them."""
         if decided := decisions(self._session):
             self.findings.append(
-                f"the layer {LAYER} has {decided} that people confirmed, and was left as it is; move those to a layer "
-                f"of their own, and remove annotations/{LAYER}.xml, to see new proposals"
+                f"people have decided about {decided} of the proposals in layer {LAYER}, and it was left as it is; "
+                "take the decisions back (ecat log, ecat restore) to see new ones"
             )
         else:
             commit.put_layer(proposed_layer(self._session, made, boxes))

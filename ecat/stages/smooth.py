@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +22,10 @@ from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
 _STILL_M = 0.005
+_WINDOW = 9000
+"""So many frames are smoothed together, and the noise measured in them: memory does not grow with a recording."""
+_MARGIN_S = 10.0
+"""What is farther away in time has no influence: the smoother's memory is a few tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +53,40 @@ def smooth_poses(
     smoothed apart: what they have to do with each other is not in the covariance.  Without times (``t_ns`` null) frames
     count as thirtieths of a second.  Where ``table_plane`` says that the camera was moved and nothing ties the table's
     frames, what is before and after is smoothed apart.
+
+    A recording of more than some minutes is smoothed in overlapping windows of which the middles are kept: with the same
+    noise all along, places and sigmas are those of smoothing it at once to within a tenth of the stated sigma.
     """
     parameters = parameters or SmoothParameters()
-    return pa.concat_tables([_smoothed_piece(part, parameters) for part in pieces(poses, table_plane)])
+    windows = (window for part in pieces(poses, table_plane) for window in _windows(part))
+    return pa.concat_tables(
+        [_smoothed_piece(window.poses, parameters).slice(window.first, window.rows) for window in windows]
+    )
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Consecutive rows of a table of poses; of what comes of them, ``rows`` from ``first`` on are kept."""
+
+    poses: pa.Table
+    first: int
+    rows: int
+
+
+def _windows(poses: pa.Table) -> Iterator[_Window]:
+    """Stretches of about ``_WINDOW`` frames, all objects in them, with ``_MARGIN_S`` of what is around them."""
+    frames, row = np.unique(poses["frame"].to_numpy(), return_index=True)
+    row = np.append(row, poses.num_rows)
+    t_s = _seconds(poses)[row[:-1]]
+    bounds = np.linspace(0, len(frames), max(round(len(frames) / _WINDOW), 1) + 1).astype(int)
+    for start, end in pairwise(bounds.tolist()):
+        # of a clock that hardly goes on, no more than this
+        low, high = max(start - _WINDOW, 0), min(end + _WINDOW, len(frames))
+        if len(bounds) > 2:
+            low = max(low, int(np.searchsorted(t_s, t_s[start] - _MARGIN_S)))
+            high = min(high, int(np.searchsorted(t_s, t_s[end - 1] + _MARGIN_S, side="right")))
+        part = poses.slice(row[low], row[high] - row[low])
+        yield _Window(part, row[start] - row[low], row[end] - row[start])
 
 
 def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> pa.Table:

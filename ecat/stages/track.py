@@ -225,7 +225,8 @@ class Tracker:
         rings = np.concatenate(
             [self._last.rings[~known], self._candidates(grey, merged(regions), self._last.rings)]
         )
-        found = self._detector.read(grey, rings, reach_px=self._parameters.reach_px)
+        # no farther than a search reaches: beyond a face that is seen from the side lies the edge of another
+        found = self._detector.read(grey, rings)
         return found[self._believed(found, image)] if len(found) else found
 
     def _candidates(self, grey: NDArray[np.uint8], regions: Sequence[Region], known: Floats) -> Floats:

@@ -49,6 +49,7 @@ def staged_folder(dest: Path) -> Generator[Path]:
     except BaseException:
         with contextlib.suppress(OSError):
             files.remove(staging)
+        with contextlib.suppress(OSError):
             for folder in made:
                 folder.rmdir()
         raise

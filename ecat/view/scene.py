@@ -45,6 +45,7 @@ PALETTE: tuple[Rgb, ...] = (
 )
 MAX_FRAMES = 1_000_000
 """The longest recording that is shown, nine hours at 30 frames per second; a viewer holds all of it in memory."""
+_TOO_LARGE = 1e30
 FREE: Rgb = (255, 179, 0)
 UNOBSERVED: Rgb = (134, 142, 150)
 
@@ -221,8 +222,8 @@ def texts(table: pa.Table, name: str) -> NDArray[np.str_]:
 
 
 def finite(values: Floats) -> NDArray[np.bool_]:
-    """Which rows (rows,) of ``values`` (rows, ...) have no missing number."""
-    return np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))
+    """Which rows (rows,) of ``values`` (rows, ...) have no number that is missing, or too large for Rerun's float32."""
+    return np.logical_and.reduce(np.abs(values) < _TOO_LARGE, axis=tuple(range(1, values.ndim)))
 
 
 def by_object(table: pa.Table) -> Iterable[tuple[str, pa.Table]]:

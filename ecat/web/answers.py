@@ -153,7 +153,10 @@ def _of_http(request: Request, error: Exception) -> Response:
         )
     else:
         made = InputError(
-            f"cannot {call}", where=str(getattr(error, "detail", "")), consequence="nothing was done"
+            f"cannot {call}",
+            where=str(getattr(error, "detail", "")),
+            consequence="nothing was done",
+            fix="web/openapi.json describes every call",
         )
     answer = error_answer(made, status=status)
     answer.headers.update(getattr(error, "headers", None) or {})

@@ -57,7 +57,11 @@ def write_proxy(session: Session, stream_name: str, dest: Path, tell: Tell) -> N
         first = next(frames, None)
         if first is None:
             where = f"{session.stream(stream_name).file}: there are no images"
-            raise NotFoundError(f"cannot show stream {stream_name}", where=where)
+            raise NotFoundError(
+                f"cannot show stream {stream_name}",
+                where=where,
+                fix="show another stream; ecat check says more",
+            )
         width, height = proxy_size(first.width, first.height)
         what = f"cannot write {dest.name}"
         with (

@@ -82,6 +82,12 @@ class SharedLayer:
         """The layer as it was at a revision."""
         return self._wrapped(revision, encoded(layer_json(self._editor.at(revision))), author)
 
+    @property
+    def layer(self) -> Layer:
+        """The layer as it is now."""
+        self._refresh()
+        return self._editor.layer
+
     def history(self, start: int, limit: int) -> dict[str, Any]:
         """Records from ``start`` on, at most ``limit``."""
         self._refresh()

@@ -197,7 +197,9 @@ def key_of(session: Session, stream: str) -> str:
     record = session.stream(stream)
     if record.kind not in IMAGE_KINDS:
         raise NotFoundError(
-            f"cannot show stream {stream}", where=f"there are no images in a stream of the kind {record.kind}"
+            f"cannot show stream {stream}",
+            where=f"there are no images in a stream of the kind {record.kind}",
+            fix="show a stream of colour, depth or infrared",
         )
     path = session.stream_path(stream)
     if not path.is_file():

@@ -104,7 +104,12 @@ class Server:
         try:
             while not self._server.started:
                 if not thread.is_alive():
-                    raise EcatError("cannot serve", where="the server ended as it began")
+                    raise EcatError(
+                        "cannot serve",
+                        where="the server ended as it began; the lines above say why",
+                        consequence="nothing was changed",
+                        fix="do it again, with another --port",
+                    )
                 thread.join(0.01)
             yield self
         finally:

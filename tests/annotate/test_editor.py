@@ -14,6 +14,7 @@ from ecat.errors import (
     ConflictError,
     CorruptError,
     DiskError,
+    LockedError,
     NotFoundError,
     OperationError,
     SchemaError,
@@ -364,6 +365,20 @@ class TestSaving:
         monkeypatch.undo()
         assert open_session(session.path).layer() == editor.layer
 
+    def test_what_cannot_be_saved_now_is_taken_over_later(
+        self, session: Session, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(Session.save_checkpoint, "__kwdefaults__", {"wait_s": 0.0})
+        with edit(session) as editor:
+            do(editor, event(0, 9))
+            with session.hold():
+                with edit(session, "bob") as other:
+                    do(other, event(20, 29))
+                assert len(open_session(session.path).layer().events) == 0
+                with pytest.raises(LockedError):
+                    editor.save()
+        assert len(open_session(session.path).layer().events) == 2
+
     def test_a_hand_edit_of_the_xml_is_not_overwritten(self, session: Session) -> None:
         editor = edit(session)
         do(editor, event(0, 9))
@@ -392,64 +407,3 @@ class TestSaving:
         with edit(session) as again:
             assert [record.op for record in again.history()] == ["add_event", "add_event", "replace"]
             assert again.at(2).events[0].segments[0].end_frame == 9
-
-
-class TestSurroundings:
-    def test_proposals_are_those_that_there_are_now(self, session: Session) -> None:
-        editor = edit(session)
-        proposed = Event(id="a1", segments=(Segment(start_frame=0, end_frame=9),), status="proposed")
-        with open_session(session.path).write() as commit:
-            commit.put_layer(Layer(name="machine", events=(proposed,)))
-        do(editor, op("accept_proposal", proposal="machine/a1"))
-        with pytest.raises(NotFoundError, match="cannot read layer robot"):
-            do(editor, op("accept_proposal", proposal="robot/a1"))
-        assert editor.layer.decisions[0].result == "a1"
-
-    def test_objects_of_the_sessions_beside_can_be_named(self, session: Session) -> None:
-        from ecat.store import Draft, create_session
-        from tests.annotate.bench import MANIFEST
-
-        other = create_session(session.path.parent / "other", Draft(manifest=MANIFEST))
-        with Editor(other) as editor:
-            do(editor, thing("cup", "point", frame=3, coordinates=[1, 2]))
-        with edit(session) as editor:
-            do(editor, op("copy_objects", session="other", frame=5))
-            do(editor, relation("NEAR", "o1", "other/o1"))
-            for name in ("never", "..", "a/b"):
-                with pytest.raises(NotFoundError):
-                    do(editor, op("copy_objects", session=name, frame=5))
-            assert editor.layer.objects[0].name == "cup"
-
-    def test_a_recorded_clock_gives_the_times(self, session: Session) -> None:
-        import numpy as np
-        import pyarrow as pa
-
-        from ecat.model import Clock
-        from ecat.store import TableData
-        from ecat.tables import TABLES
-
-        times = np.arange(1000) ** 2
-        rows = {"t_ns": pa.array(times), "frame": pa.array(range(1000), pa.int32())}
-        table = pa.table({**rows, "stream": pa.array(["color"] * 1000)}).cast(TABLES["frames"].arrow)
-        with session.write() as commit:
-            commit.put_table("frames", TableData(data=table))
-            commit.update(clock=Clock(rule="recorded"))
-        editor = edit(session)
-        do(editor, event(10, 20), event(990, 1000))
-        first, last = (e.segments[0] for e in editor.layer.events)
-        assert (first.start_ns, first.end_ns, last.start_ns) == (100, 400, 990**2)
-        assert last.end_ns == 999**2 + 999
-
-    def test_its_own_coding_scheme_counts(self, session: Session) -> None:
-        from ecat.annotate import write_scheme
-        from ecat.annotate.schemes import scheme_file
-        from ecat.model import CodingScheme
-
-        write_scheme(CodingScheme(name="mine", closed=True), scheme_file(session.path, "mine"))
-        editor = Editor(session, scheme="mine")
-        with pytest.raises(OperationError, match="cannot add event"):
-            do(editor, event(0, 9, type="slide"))
-        do(editor, op("set_scheme", name="blocks"))
-        do(editor, event(0, 9, type="pour"))
-        with pytest.raises(NotFoundError, match="cannot find the coding scheme 'none'"):
-            do(editor, op("set_scheme", name="none"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -62,11 +63,13 @@ def test_a_relation_that_starts_after_the_recording_is_found(case: Case) -> None
     assert codes(case) == ["outside-recording"]
 
 
-def change_key_frames(case: Case, *frames: int) -> None:
-    table = replace(
-        case.layer.objects[3], key_frames=tuple(KeyFrame(frame=f, coordinates=(0.0,) * 4) for f in frames)
-    )
+def change_shapes(case: Case, *shapes: KeyFrame) -> None:
+    table = replace(case.layer.objects[3], key_frames=shapes)
     case.layer = replace(case.layer, objects=(*case.layer.objects[:3], table))
+
+
+def change_key_frames(case: Case, *frames: int) -> None:
+    change_shapes(case, *(KeyFrame(frame=f, coordinates=(1.0,) * 4) for f in frames))
 
 
 def test_a_key_frame_after_the_recording_is_found(case: Case) -> None:
@@ -79,6 +82,30 @@ def test_a_key_frame_after_the_recording_is_found(case: Case) -> None:
 def test_key_frames_that_do_not_rise_are_an_error(case: Case, frames: tuple[int, int]) -> None:
     change_key_frames(case, *frames)
     assert codes(case) == ["key-frame-order"]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "problem"),
+    [
+        ((1.0, 2.0, 3.0), "3 numbers, expected u, v, width, height"),
+        ((nan, 2.0, 3.0, 4.0), "a coordinate that is no place"),
+        ((1e308, 2.0, 3.0, 4.0), "a coordinate that is no place"),
+    ],
+)
+def test_a_key_frame_that_is_no_shape_of_its_kind_is_found(
+    case: Case, numbers: tuple[float, ...], problem: str
+) -> None:
+    change_shapes(case, KeyFrame(frame=3, coordinates=(1.0,) * 4), KeyFrame(frame=7, coordinates=numbers))
+    (finding,) = examine(case.patient)
+    assert (finding.severity, finding.code) == ("warning", "key-frame-value")
+    assert finding.message == f"the rectangle at frame 7: {problem}"
+
+
+def test_an_absence_has_no_shape_and_a_vertex_in_space_may_be_unknown(case: Case) -> None:
+    change_shapes(case, KeyFrame(frame=3, present=False))
+    table = replace(case.layer.objects[3], key_frames_3d=(KeyFrame(frame=3, coordinates=(nan, nan, nan)),))
+    case.layer = replace(case.layer, objects=(*case.layer.objects[:3], table))
+    assert codes(case) == []
 
 
 def test_nothing_is_outside_of_a_recording_of_unknown_length(case: Case) -> None:

@@ -70,6 +70,7 @@ from ecat.store.xml import layer_from_xml, layer_to_xml, scheme_from_xml, scheme
 from tests.formats.recordings.k4a import calibration, jpeg, recording
 from tests.formats.recordings.k4a import depth as depth_image
 from tests.formats.recordings.k4a import write as write_k4a
+from tests.fuzz import annotation
 
 if TYPE_CHECKING:
     from av import VideoStream
@@ -321,6 +322,7 @@ TARGETS: dict[str, Target] = {
     "depth_file": Target(from_path(depth), (_depth_seed(), _depth_seed()[:-9])),
     "files_param": Target(from_path(files_param), (_FILES_PARAM,)),
     "glyphs": Target(stable(read_glyph, write_glyph), (write_glyph(code_of(5)),)),
+    "journal": Target(annotation.journal, (annotation.journal_seed(),)),
     "k4a_calibration": Target(
         lambda data: cameras_of(json_or_none(data), color_px=(1280, 720), depth_px=(640, 576)),
         (json.dumps(calibration()).encode(),),
@@ -344,6 +346,7 @@ TARGETS: dict[str, Target] = {
     ),
     "ntu": Target(lambda data: drain(joint_rows(parse_ntu(data))), (_NTU, _NTU[:-90])),
     "numbers": Target(numbers, ("-∞,1.5,-3.652977E-05,NaN".encode(), b"859,654")),
+    "operations": Target(annotation.operations, annotation.operation_seeds()),
     "options": Target(stable(read_options, write_options), (write_options(_OPTIONS),)),
     "program_params": Target(
         stable(read_program_params, write_program_params), (write_program_params(ProgramParams("a", ("b",))),)

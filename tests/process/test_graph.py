@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from ecat.annotate import Editor, RejectProposal
 from ecat.errors import InputError, LimitError, UsageError
 from ecat.model import Clock, KeyFrame, Layer, Manifest, Stream
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
@@ -271,6 +272,19 @@ def test_what_people_confirmed_among_the_proposals_is_never_overwritten(session:
     report = process_session(session.path, force=True)
     assert session.refresh().layer("machine").events[0] == confirmed
     assert any("people confirmed" in finding for finding in report.findings)
+
+
+def test_what_people_decided_about_in_their_own_layers_is_never_overwritten_either(session: Session) -> None:
+    before = session.layer("machine")
+    with Editor(session, "ann", "ann") as editor:
+        editor.apply(RejectProposal(proposal=f"machine/{before.events[0].id}"))
+    report = process_session(session.path, stages=["propose"], force=True)
+    assert session.refresh().layer("machine") == before
+    assert any("people confirmed" in finding for finding in report.findings)
+    with Editor(session, "ann", "ann") as editor:
+        editor.undo()
+    report = process_session(session.path, stages=["propose"], force=True)
+    assert not any("people confirmed" in finding for finding in report.findings)
 
 
 def test_boxes_that_cannot_be_measured_are_not_kept_as_if_they_were(tmp_path: Path) -> None:

@@ -105,6 +105,12 @@ def test_an_error_at_any_step_leaves_nothing(
     assert step > 30
 
 
+def test_a_name_too_long_leaves_no_parents(tmp_path: Path) -> None:
+    with pytest.raises(DiskError, match="use a shorter name"), staged_folder(tmp_path / "a" / ("b" * 300)):
+        pytest.fail("a folder of that name")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_session_is_locked_while_it_is_being_created(tmp_path: Path) -> None:
     with staged_folder(tmp_path / "new") as staging, pytest.raises(LockedError), locked(staging):
         pytest.fail("two writers at once")

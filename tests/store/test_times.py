@@ -21,8 +21,8 @@ DEPTH = Stream(name="depth", kind="depth", file="media/depth.mkv", n_frames=3)
 def session(path: Path, clock: Clock, frames: list[tuple[int, int, str]] | None = None) -> Session:
     tables: dict[str, TableData] = {}
     if frames is not None:
-        columns = dict(zip(("t_ns", "frame", "stream"), map(list, zip(*frames, strict=True)), strict=True))
-        tables["frames"] = TableData(data=pa.table(columns, schema=TABLES["frames"].arrow))
+        rows = [{"t_ns": t_ns, "frame": frame, "stream": stream} for t_ns, frame, stream in frames]
+        tables["frames"] = TableData(data=pa.Table.from_pylist(rows, schema=TABLES["frames"].arrow))
     manifest = Manifest(
         name="s", created="2026-01-01T00:00:00Z", n_frames=5, clock=clock, streams=(COLOR, DEPTH)
     )

@@ -133,6 +133,26 @@ def test_an_object_that_was_never_there_draws_nothing() -> None:
     ) == {0: []}
 
 
+@pytest.mark.parametrize("far", [None, 1e308])
+def test_a_vertex_that_is_nowhere_is_left_out(far: float | None) -> None:
+    objects = table("objects", layer=["main"], object_id=["o1"], kind=["polygon"])
+    corners: dict[str, list[object]] = {"x": [far, 3.0], "y": [2.0, 4.0]}
+    keys = table(
+        "keyframes",
+        layer=["main"] * 2,
+        object_id=["o1"] * 2,
+        frame=[0] * 2,
+        dimensions=[2] * 2,
+        present=[True] * 2,
+        vertex=[0, 1],
+        **corners,
+    )
+    shown = at(
+        list(shapes(keys, objects, scene(), dimensions=2)), "/world/camera/color/shapes/Shell", "strips"
+    )
+    assert shown == {0: [[[3, 4]]]}
+
+
 def test_a_followed_shape_tells_how_sure_it_is_and_goes_with_its_last_image() -> None:
     rows = table(
         "tracks_2d",

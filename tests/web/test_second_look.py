@@ -105,3 +105,13 @@ def test_no_name_leads_out_of_the_project(reader: Browser, name: str) -> None:
     answer = reader.client.get(f"/api/surveys/{typed}")
     # 200 is the list of surveys, which is empty
     assert answer.status_code in {400, 404, 307} or answer.json() == []
+
+
+def test_what_was_edited_a_moment_ago_is_compared_too(browser: Browser) -> None:
+    assert browser.post("layers/ben", {"author": "ben"}).status_code == 200
+    before = len(browser.json("agreement?layers=main,ben")["disagreements"])
+    edit = {"author": "ben", "operations": [{"op": "add_event", "type": "wave", "segments": [[1, 9]]}]}
+    assert browser.post("layers/ben/operations", edit).status_code == 200
+    found = browser.json("agreement?layers=main,ben")["disagreements"]
+    assert len(found) == before + 1
+    assert "wave" in {each["label"] for each in found}

@@ -3,7 +3,7 @@
 import { span } from "./document";
 import { type Context, enclosing, guessRoles, type Labelled, press, pressAll, rolesField } from "./labelling";
 import { type App, MACHINE, type Selected, SPEEDS } from "./state";
-import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
+import type { AnnotatedObject, Change, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
 
 /** The id of the first element of a kind that a record added. */
 export function addedId(record: RecordJson, kind: "object" | "event" | "relation"): string | null {
@@ -357,15 +357,23 @@ export function changeSpeed(app: App, by: -1 | 1): void {
 }
 
 export function undo(app: App): void {
-  void app.undo().then((r) => app.notify(`Undone: ${describe(undoneOf(r))}`)).catch(() => undefined);
+  void app.undo().then((r) => app.notify("Undone.", changesOf(r))).catch(() => undefined);
 }
 
 export function redo(app: App): void {
-  void app.redo().then(() => app.notify("Done again.")).catch(() => undefined);
+  void app.redo().then((r) => app.notify("Done again.", changesOf(r))).catch(() => undefined);
 }
 
-function undoneOf(record: RecordJson): Operation {
-  return Array.isArray(record.operation) ? (record.operation[0] ?? { op: "" }) : record.operation;
+/** "event a4 removed", for a change. */
+export function titleOf(change: Change): string {
+  const verb = change.before === null ? "added" : change.after === null ? "removed" : "changed";
+  return [change.kind.replaceAll("_", " "), change.id, verb].filter(Boolean).join(" ");
+}
+
+/** What an edit came to, in a few words: an undo and a redo do not say it themselves. */
+export function changesOf(record: RecordJson): string {
+  const [first, ...more] = record.changes.filter((c) => c.kind !== "layer" || record.changes.length === 1);
+  return first === undefined ? "" : more.length === 0 ? titleOf(first) : `${titleOf(first)} and ${more.length} more`;
 }
 
 const WORDS: Record<string, string> = {

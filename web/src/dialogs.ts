@@ -1,7 +1,7 @@
 // Dialogs and messages: modal questions with the browser's own <dialog>, and notes in the corner that go away.
 
 import { changedId, type Conflict } from "./conflict";
-import { describe } from "./actions";
+import { describe, titleOf } from "./actions";
 import { h, iconButton } from "./dom";
 import type { App, Notice } from "./state";
 import type { Change, Operation } from "./types";
@@ -90,8 +90,7 @@ export function changeView(change: Change): HTMLElement | null {
   const lines = keys.filter((key) => JSON.stringify(before[key]) !== JSON.stringify(after[key])).map((key) => h("div.change", null,
     `${key.replaceAll("_", " ")}: `, key in before && h("del", null, said(key, before[key])), key in before && key in after && " ", key in after && h("ins", null, said(key, after[key]))));
   if (change.kind === "layer" && lines.length === 0) return null;
-  const verb = change.before === null ? "added" : change.after === null ? "removed" : "changed";
-  return h("div", null, h("strong", null, [change.kind.replaceAll("_", " "), change.id, verb].filter(Boolean).join(" ")), change.after === null ? [] : lines);
+  return h("div", null, h("strong", null, titleOf(change)), change.after === null ? [] : lines);
 }
 
 /** What an operation of one's own would set. */
@@ -129,6 +128,7 @@ function showToast(host: HTMLElement, notice: Notice): void {
   const toast = h(`div.toast.${notice.kind}`, { "data-testid": "toast" },
     h("div.body", null, h("p", null, notice.text), notice.detail ? h("p.muted", null, notice.detail) : null),
     iconButton("close", "Dismiss", () => toast.remove()));
+  for (const same of host.children) if (same.querySelector(".body")?.textContent === toast.querySelector(".body")?.textContent) same.remove();
   while (host.children.length >= 4) host.firstElementChild?.remove();
   host.append(toast);
   setTimeout(() => toast.remove(), notice.kind === "error" ? 10000 : 3500);

@@ -40,6 +40,8 @@ export interface Settings {
   /** Whether proposals of the machine layer are drawn (hollow). */
   proposals: boolean;
   /** The tier and type that a new event takes. */
+  /** The name that the server suggested when `author` was chosen. */
+  suggested: string;
   lastType: string;
   lastTier: string;
   plots: string[];

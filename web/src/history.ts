@@ -1,6 +1,6 @@
 // Every edit of the layer with its author and time; any revision can be brought back, which is an edit itself.
 
-import { describe } from "./actions";
+import { changesOf, describe } from "./actions";
 import { changeView, openDialog } from "./dialogs";
 import { fill, h } from "./dom";
 import type { App } from "./state";
@@ -61,9 +61,15 @@ export function openHistory(app: App): void {
   void load();
 }
 
+function saying(record: RecordJson): string {
+  const { operation } = record;
+  const again = !Array.isArray(operation) && ["undo", "redo", "restore"].includes(operation.op);
+  return again ? `${describe(operation)}: ${changesOf(record)}` : describe(operation);
+}
+
 function item(record: RecordJson, selected: boolean, choose: () => void): HTMLElement {
   return h("div.list-row.history-row", { role: "option", "aria-selected": selected ? "true" : "false", onclick: choose, "data-testid": `revision-${record.revision}` },
-    h("span.at", null, String(record.revision)), h("span.grow", null, describe(record.operation)), h("span.at", null, record.author));
+    h("span.at", null, String(record.revision)), h("span.grow", null, saying(record)), h("span.at", null, record.author));
 }
 
 function details(app: App, record: RecordJson): (HTMLElement | null)[] {

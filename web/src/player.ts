@@ -17,7 +17,7 @@ const USUAL = { width: 1920, height: 1080 };
 const TOOLS: [Tool, string, Glyph][] = [
   ["select", "Select and move (V)", "select"],
   ["rectangle", "Draw a rectangle (R)", "rectangle"],
-  ["polygon", "Draw a polygon (G)", "polygon"],
+  ["polygon", "Draw a polygon (G): click its corners, Enter or a right click closes it", "polygon"],
   ["point", "Set a point (T)", "point"],
 ];
 

@@ -14,7 +14,7 @@ export const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4];
 
 const SETTINGS_KEY = "ecat.settings";
 const DEFAULT_SETTINGS: Settings = {
-  theme: "system", author: "", tool: "select", proposals: true, lastType: "", lastTier: "", plots: [], panes: {},
+  theme: "system", author: "", suggested: "", tool: "select", proposals: true, lastType: "", lastTier: "", plots: [], panes: {},
 };
 
 export class App extends Emitter {
@@ -43,6 +43,8 @@ export class App extends Emitter {
 
   private socket: WebSocket | null = null;
   private me = "";
+  /** Where the choice of a layer is remembered. */
+  private layerKey = "";
   private opening = 0;
   private queue: Promise<unknown> = Promise.resolve();
   private pending = 0;
@@ -91,15 +93,18 @@ export class App extends Emitter {
     this.closeSession();
     const turn = ++this.opening;
     const project = await this.api.project();
-    const last = localStorage.getItem(`ecat.layer.${sid}`);
-    const wished = last !== null && last !== MACHINE ? last : project.layer || "main";
+    const first = project.layer || "main";
+    // What was chosen here holds as long as the server begins with the same layer, and suggests the same name.
+    this.layerKey = `ecat.layer.${first}.${sid}`;
+    const last = localStorage.getItem(this.layerKey);
+    const wished = last !== null && last !== MACHINE ? last : first;
     const session = await this.api.session(sid, wished);
     const times = session.video === null ? null : await this.api.times(sid, session.video).catch(() => null);
     if (turn !== this.opening) return false;
-    if (this.settings.author === "" && project.author !== "") this.set({ author: project.author });
+    if (project.author !== this.settings.suggested) this.set({ author: project.author || this.settings.author, suggested: project.author });
     const names = session.layers.map((l) => l.name);
     const own = names.filter((n) => n !== MACHINE);
-    this.activeLayer = own.length === 0 || own.includes(wished) || last !== null ? wished : (own[0] as string);
+    this.activeLayer = own.length === 0 || own.includes(wished) || last !== null || wished !== "main" ? wished : (own[0] as string);
     this.session = session;
     this.scheme = schemeFromJson(session.scheme);
     this.times = times;
@@ -185,7 +190,7 @@ export class App extends Emitter {
     if (this.session === null || name === MACHINE) return;
     if (!this.layers.has(name)) await this.load(name);
     this.activeLayer = name;
-    if (remember) localStorage.setItem(`ecat.layer.${this.session.id}`, name);
+    if (remember) localStorage.setItem(this.layerKey, name);
     if (!this.shown.includes(name)) this.shown = [name, ...this.shown];
     this.select([]);
     this.emit("layers", null);

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ecat.model import AnnotatedObject
-from ecat.model.interpolation import bounds, shape_at
+from ecat.model.shapes import shape_at
 
 Box = tuple[float, float, float, float]
 LEAST_IOU = 0.5
@@ -65,7 +66,7 @@ def mean_iou(first: AnnotatedObject, second: AnnotatedObject) -> float:
 def box_at(thing: AnnotatedObject, frame: int) -> Box | None:
     """Left, top, right and bottom of the object in the image ``frame``, in pixels; None where it is not."""
     shape = shape_at(thing, frame)
-    return None if shape is None else bounds(shape, thing.kind)
+    return None if shape is None else _bounds(shape, thing.kind)
 
 
 def _iou(first: Box, second: Box) -> float:
@@ -78,3 +79,18 @@ def _iou(first: Box, second: Box) -> float:
 
 def _area(box: Box) -> float:
     return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)
+
+
+def _bounds(coordinates: Sequence[float], kind: str) -> Box | None:
+    """Left, top, right and bottom of a shape, in pixels; None of one without extent."""
+    if kind == "rectangle":
+        if len(coordinates) != 4:
+            return None
+        u, v, width, height = coordinates
+        box = (u, v, u + width, v + height)
+    else:
+        if len(coordinates) < 6:
+            return None
+        us, vs = coordinates[0::2], coordinates[1::2]
+        box = (min(us), min(vs), max(us), max(vs))
+    return box if all(map(math.isfinite, box)) else None

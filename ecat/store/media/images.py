@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import AbstractContextManager
 from functools import cached_property
-from inspect import GEN_CLOSED, getgeneratorstate
 from itertools import pairwise
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+from weakref import WeakSet
 
 import numpy as np
 import pyarrow as pa
@@ -41,7 +41,8 @@ class StreamImages(AbstractContextManager["StreamImages"]):
         self._manifest = session.manifest
         self._stream = stream
         self._source = source
-        self._running: list[Generator[NDArray[Any]]] = []
+        # those that somebody still goes on with; one that is given up closes its file as it goes
+        self._running: WeakSet[Generator[NDArray[Any]]] = WeakSet()
         self._recorded = _recorded_times(session)
 
     def __exit__(
@@ -51,9 +52,8 @@ class StreamImages(AbstractContextManager["StreamImages"]):
 
     def close(self) -> None:
         """End the iterations that are under way, and close their files."""
-        for running in self._running:
+        for running in list(self._running):
             running.close()
-        self._running.clear()
         self._source.close()
 
     def __repr__(self) -> str:
@@ -129,8 +129,7 @@ class StreamImages(AbstractContextManager["StreamImages"]):
 
     def _run(self, images: Iterator[NDArray[Any]], expected: int) -> Iterator[NDArray[Any]]:
         running = self._checked(images, expected)
-        self._running = [other for other in self._running if getgeneratorstate(other) != GEN_CLOSED]
-        self._running.append(running)
+        self._running.add(running)
         return running
 
     def _checked(self, images: Iterator[NDArray[Any]], expected: int) -> Generator[NDArray[Any]]:

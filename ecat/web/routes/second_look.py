@@ -22,11 +22,12 @@ Rater = Annotated[str, Query(max_length=64)]
 
 @router.get("/sessions/{sid}/agreement", response_model=AgreementShape)
 def agree(opened: TheSession, layers: Annotated[str, Query(max_length=1000)]) -> Response:
-    """How far two layers agree, as they were last saved, and each thing that they see differently."""
+    """How far two layers agree, as they are now, and each thing that they see differently."""
     session, names = opened.session, [name for name in layers.split(",") if name]
     if len(names) != 2:
         raise UsageError("cannot compare", where=f"{len(names)} layers, expected two", fix="?layers=ann,ben")
-    first, second = (session.layer(name) for name in names)
+    edited = opened.layers
+    first, second = (edited[name].layer if name in edited else session.layer(name) for name in names)
     n_frames, scheme = session.manifest.n_frames, scheme_or_default(session.path, first.scheme)
     found = Agreement((names[0], names[1]))
     found.add((first, second), n_frames, scheme)

@@ -18,6 +18,7 @@ from ecat.formats.ecat2018.coordinate_mapping import (
     read_coordinate_mapping,
     write_coordinate_mapping,
 )
+from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
 
 tables = arrays(np.float32, (2, 3, 4, 2), elements=st.floats(0.5, 1900, width=32))
 
@@ -56,6 +57,16 @@ def test_the_centre_ray_and_the_parallax(real: CoordinateMapping) -> None:
     np.testing.assert_allclose(real.to_colour(252, 203, 8000), [940.1, 542.8], atol=0.05)
     shift = real.to_colour(252, 203, 1000) - real.to_colour(252, 203, 2000)
     np.testing.assert_allclose(shift, [56_231 * (1 / 1000 - 1 / 2000), 0], rtol=0.01, atol=0.01)
+
+
+def test_trap_08_the_depth_camera_s_centre_is_where_the_sensor_has_it(real: CoordinateMapping) -> None:
+    """Offline ECAT took 252.7 px for its horizontal centre, which puts everything 30 colour pixels aside."""
+    v_px, u_px = np.mgrid[60:360:20, 60:450:20].reshape(2, -1)
+    rays = KINECT_V2_DEPTH.unproject(np.stack([u_px, v_px], axis=1))
+    for depth_m in (1.0, 1.5, 2.5):
+        there = real.to_colour(u_px, v_px, np.full(u_px.size, 1000 * depth_m))
+        off = np.median(KINECT_V2_COLOR.project(rays * depth_m) - there, axis=0)
+        assert (np.abs(off) < 5).all()
 
 
 def test_at_the_table_depths_the_tables_themselves_come_out(real: CoordinateMapping) -> None:

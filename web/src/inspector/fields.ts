@@ -43,6 +43,7 @@ export function textInput(label: string, value: string, commit: (value: string) 
   if (!options.suggestions || options.suggestions.length === 0) return input;
   const list = h("datalist", { id: `list-${serial++}` }, options.suggestions.map((s) => h("option", { value: s })));
   input.setAttribute("list", list.id);
+  if (!options.disabled) offerAll(input);
   return h("div.row", { "data-focus": `${label} row` }, input, list);
 }
 
@@ -60,6 +61,28 @@ function commitOnEnter(input: HTMLInputElement, value: string, commit: (value: s
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") input.blur();
     else cancelOnEscape(event, input, value);
+  });
+}
+
+/** Browsers list only the suggestions that match what the field holds, so it shows nothing while it has the focus; Backspace means nothing. */
+export function offerAll(input: HTMLInputElement): void {
+  let [held, meant] = ["", false];
+  const restore = (): void => {
+    if (input.value === "" && !meant) input.value = held;
+  };
+  input.addEventListener("focus", () => {
+    [held, meant] = [input.value, false];
+    [input.placeholder, input.value] = [held || input.placeholder, ""];
+  });
+  input.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") restore();
+    if (event.key !== "Backspace" && event.key !== "Delete") return;
+    meant = true;
+    input.placeholder = "";
+  }, { capture: true });
+  input.addEventListener("blur", () => {
+    restore();
+    if (meant && input.value === "" && held !== "") input.dispatchEvent(new Event("change"));
   });
 }
 

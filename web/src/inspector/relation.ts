@@ -4,7 +4,7 @@ import { addedId, attempt, ownObject, removeSelected, trackedObjects } from "../
 import { clock, h } from "../dom";
 import { type App, type LayerState, MACHINE } from "../state";
 import type { PredicateType, Relation } from "../types";
-import { check, choice, field, numberInput, textField } from "./fields";
+import { check, choice, field, numberInput, offerAll, textField } from "./fields";
 
 export function relationText(relation: Relation, layer: LayerState): string {
   const names = relation.arguments.map((a) => layer.document.object(a.target)?.name || a.target);
@@ -48,6 +48,7 @@ export function relationForm(app: App): HTMLElement {
   const known = predicates(app);
   const list = h("datalist", { id: "predicates" }, known.map((p) => h("option", { value: p.name })));
   const predicate = h("input.input", { type: "text", list: "predicates", placeholder: "PREDICATE", "aria-label": "Predicate of a new relation", "data-focus": "new predicate", "data-testid": "new-predicate", value: known[0]?.name ?? "" });
+  offerAll(predicate);
   const arity = (): number => known.find((p) => p.name === predicate.value)?.arity ?? 2;
   const chosen = app.selection.findLast((s) => s.kind === "object");
   const wished = chosen === undefined ? undefined : chosen.layer === app.activeLayer ? chosen.id : `${chosen.layer}:${chosen.id}`;
