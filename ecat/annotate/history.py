@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ecat.annotate.operations import Edit
 from ecat.errors import ConflictError
@@ -133,7 +134,21 @@ def _turned(document: Document, change: Change) -> Change:
         raise _Changed(f"{kind.replace('_', ' ')} {name}")
     if whole:
         return Change(kind, name, document.position(kind, name), now, None)
+    if now is None and kind in {"key_frame", "key_frame_3d"}:
+        return replace(change, index=_place_of_key_frame(document, change))
     return change
+
+
+def _place_of_key_frame(document: Document, change: Change) -> int:
+    """Where a key frame goes back to: its old place, unless others have put key frames before it since."""
+    owner, _, text = change.id.rpartition("@")
+    thing, frame = document.object(owner), int(text)
+    assert thing is not None
+    frames = [key.frame for key in (thing.key_frames if change.kind == "key_frame" else thing.key_frames_3d)]
+    here = min(change.index, len(frames))
+    fits = all(other < frame for other in frames[:here]) and all(frame < other for other in frames[here:])
+    # those of an imported object may be out of order, and then come back as they were
+    return here if fits or frames != sorted(frames) else bisect_left(frames, frame)
 
 
 def _turned_header(document: Document, change: Change) -> Change:

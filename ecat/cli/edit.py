@@ -109,7 +109,7 @@ def moments(session: Session) -> Moment:
     """How frames are typed for this session."""
 
     def at(text: str) -> int:
-        if text.isdecimal():
+        if text.removeprefix("-").isdecimal():  # imported annotations may begin at -1
             return int(text)
         if match := _SECONDS.fullmatch(text):
             return _frame_at(session, float(match[1]))

@@ -22,8 +22,8 @@ from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
 _STILL_M = 0.005
-_WINDOW = 9000
-"""So many frames are smoothed together, and the noise measured in them: memory does not grow with a recording."""
+_WINDOW = 3000
+"""So many frames are smoothed at once, that memory does not grow with a recording."""
 _MARGIN_S = 10.0
 """What is farther away in time has no influence: the smoother's memory is a few tenths of a second."""
 
@@ -54,47 +54,68 @@ def smooth_poses(
     count as thirtieths of a second.  Where ``table_plane`` says that the camera was moved and nothing ties the table's
     frames, what is before and after is smoothed apart.
 
-    A recording of more than some minutes is smoothed in overlapping windows of which the middles are kept: with the same
-    noise all along, places and sigmas are those of smoothing it at once to within a tenth of the stated sigma.
+    A recording of more than a minute or two is smoothed in overlapping windows of which the middles are kept.  That
+    differs from smoothing it at once by less than a thousandth of the stated sigma.
     """
     parameters = parameters or SmoothParameters()
-    windows = (window for part in pieces(poses, table_plane) for window in _windows(part))
-    return pa.concat_tables(
-        [_smoothed_piece(window.poses, parameters).slice(window.first, window.rows) for window in windows]
-    )
+    parts = (part for piece in pieces(poses, table_plane) for part in _smoothed_piece(piece, parameters))
+    return pa.concat_tables([POSES_SMOOTH.arrow.empty_table(), *parts])
 
 
 @dataclass(frozen=True)
-class _Window:
-    """Consecutive rows of a table of poses; of what comes of them, ``rows`` from ``first`` on are kept."""
+class _Noise:
+    """The share of the stated covariance that averages out, and what of it (d, d) does not."""
 
-    poses: pa.Table
-    first: int
-    rows: int
+    share: float
+    steady: Floats
 
 
-def _windows(poses: pa.Table) -> Iterator[_Window]:
-    """Stretches of about ``_WINDOW`` frames, all objects in them, with ``_MARGIN_S`` of what is around them."""
-    frames, row = np.unique(poses["frame"].to_numpy(), return_index=True)
-    row = np.append(row, poses.num_rows)
-    t_s = _seconds(poses)[row[:-1]]
-    bounds = np.linspace(0, len(frames), max(round(len(frames) / _WINDOW), 1) + 1).astype(int)
+@dataclass(frozen=True)
+class _Stretch:
+    """Rows from a first to a last observation without a long gap, and the noise of places and of turns there."""
+
+    rows: slice
+    place: _Noise
+    turn: _Noise
+
+
+@dataclass(frozen=True)
+class _Track:
+    """What is to be smoothed: times (n,), places (n, 3), turns (n, 4) of one sign within each stretch."""
+
+    name: str
+    t_s: Floats
+    places: Floats
+    turns: Floats
+    stretches: list[_Stretch]
+
+
+def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    objects = sorted({str(name) for name in pc.unique(poses["object_id"]).to_pylist()})
+    tracks = [_track(name, _of(name, poses), parameters) for name in objects]
+    for window, kept in _windows(tracks[0].t_s) if tracks else ():
+        m = len(tracks)
+        part = poses.slice(window.start * m, (window.stop - window.start) * m)
+        smoothed = [_smoothed(track, window, _of(track.name, part), parameters) for track in tracks]
+        clock = _of(tracks[0].name, part)
+        yield pose_table(clock, smoothed, POSES_SMOOTH).slice(
+            (kept.start - window.start) * m, (kept.stop - kept.start) * m
+        )
+
+
+def _of(name: str, poses: pa.Table) -> pa.Table:
+    return poses.filter(pc.field("object_id").cast(pa.string()) == name)
+
+
+def _windows(t_s: Floats) -> Iterator[tuple[slice, slice]]:
+    """Rows that are smoothed at once, and those of them that are kept: each row once, in their order."""
+    n = len(t_s)
+    bounds = np.linspace(0, n, max(round(n / _WINDOW), 1) + 1).astype(int)
     for start, end in pairwise(bounds.tolist()):
-        # of a clock that hardly goes on, no more than this
-        low, high = max(start - _WINDOW, 0), min(end + _WINDOW, len(frames))
-        if len(bounds) > 2:
-            low = max(low, int(np.searchsorted(t_s, t_s[start] - _MARGIN_S)))
-            high = min(high, int(np.searchsorted(t_s, t_s[end - 1] + _MARGIN_S, side="right")))
-        part = poses.slice(row[low], row[high] - row[low])
-        yield _Window(part, row[start] - row[low], row[end] - row[start])
-
-
-def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> pa.Table:
-    objects = sorted({str(name) for name in poses["object_id"].to_pylist()})
-    tracks = [poses.filter(pc.field("object_id").cast(pa.string()) == name) for name in objects]
-    clock = tracks[0] if tracks else poses
-    smoothed = [_smoothed(name, track, parameters) for name, track in zip(objects, tracks, strict=True)]
-    return pose_table(clock, smoothed, POSES_SMOOTH)
+        # of a clock that hardly goes on, not all that is within the margin
+        first = max(int(np.searchsorted(t_s, t_s[start] - _MARGIN_S)), start - _WINDOW, 0)
+        stop = min(int(np.searchsorted(t_s, t_s[end - 1] + _MARGIN_S, side="right")), end + _WINDOW, n)
+        yield slice(first, stop), slice(start, end)
 
 
 def _seconds(track: pa.Table) -> Floats:
@@ -103,25 +124,43 @@ def _seconds(track: pa.Table) -> Floats:
     return track["t_ns"].to_numpy() / 1e9
 
 
-def _smoothed(name: str, track: pa.Table, parameters: SmoothParameters) -> ObjectPoses:
-    t_s = _seconds(track)
-    numbers = {key: _column(track, key) for key in NUMBERS}
-    observed = np.array([source == "observed" for source in track["source"].to_pylist()], bool)
-    free = np.array([support == "free" for support in track["support"].to_pylist()], bool)
-    n_faces = np.where(observed, np.nan_to_num(_column(track, "n_faces")), 0)
+def _track(name: str, table: pa.Table, parameters: SmoothParameters) -> _Track:
+    """An object's poses, of two that explain a frame alike the one that agrees with the others."""
+    t_s = _seconds(table)
+    sigma_m, sigma_rad = (_column(table, key) for key in ("sigma_m", "sigma_rad"))
+    places, turns = (np.stack([_column(table, key) for key in keys], 1) for keys in (PLACE, TURN))
+    _decide(t_s, (places, turns), sigma_rad, _lists(table, "alternative"), parameters)
+    stretches: list[_Stretch] = []
+    for rows in _stretches(t_s, _observed(table), parameters.max_gap_s):
+        covariance = pose_covariances(table[rows])
+        rest = _rests(t_s[rows], places[rows], sigma_m[rows])
+        turns[rows] = _same_sign(turns[rows])
+        by_turn = _quaternion_covariance(turns[rows], covariance[:, 3:, 3:])
+        place = _noise(places[rows], covariance[:, :3, :3], rest)
+        stretches.append(_Stretch(rows, place, _noise(turns[rows], by_turn, rest)))
+    return _Track(name, t_s, places, turns, stretches)
+
+
+def _smoothed(track: _Track, window: slice, table: pa.Table, parameters: SmoothParameters) -> ObjectPoses:
+    """The track in a window, ``table`` being its rows there."""
+    t_s, places, turns = track.t_s[window], track.places[window].copy(), track.turns[window].copy()
+    numbers = {key: _column(table, key) for key in NUMBERS}
+    observed = _observed(table)
+    free = np.array([support == "free" for support in table["support"].to_pylist()], bool)
+    n_faces = np.where(observed, np.nan_to_num(_column(table, "n_faces")), 0)
     source = observed.astype(np.int64)
-    places, turns = (np.stack([numbers[key] for key in keys], 1) for keys in (PLACE, TURN))
-    covariance = pose_covariances(track)
-    _decide(t_s, (places, turns), numbers["sigma_rad"], _lists(track, "alternative"), parameters)
+    covariance = pose_covariances(table)
     spread = np.full(covariance.shape, np.nan)
-    for part in _stretches(t_s, observed, parameters.max_gap_s):
-        rest = _rests(t_s[part], places[part], numbers["sigma_m"][part])
+    for stretch in track.stretches:
+        start, stop = max(stretch.rows.start, window.start), min(stretch.rows.stop, window.stop)
+        if start >= stop:
+            continue
+        part = slice(start - window.start, stop - window.start)
         place, spread_m = _without_scatter(
-            t_s[part], places[part], covariance[part, :3, :3], rest, parameters.place
+            t_s[part], places[part], covariance[part, :3, :3], stretch.place, parameters.place
         )
-        turn = _same_sign(turns[part])
-        by_turn = _quaternion_covariance(turn, covariance[part, 3:, 3:])
-        turn, by_turn = _without_scatter(t_s[part], turn, by_turn, rest, parameters.turn)
+        by_turn = _quaternion_covariance(turns[part], covariance[part, 3:, 3:])
+        turn, by_turn = _without_scatter(t_s[part], turns[part], by_turn, stretch.turn, parameters.turn)
         turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
         places[part], turns[part] = place, np.where(turn[:, 3:] < 0, -turn, turn)
         spread[part] = 0.0
@@ -133,7 +172,11 @@ def _smoothed(name: str, track: pa.Table, parameters: SmoothParameters) -> Objec
     numbers["sigma_m"] = np.sqrt(np.einsum("nii->n", spread[:, :3, :3]) / 3)
     numbers["sigma_rad"] = np.sqrt(np.einsum("nii->n", spread[:, 3:, 3:]) / 3)
     lists = {"covariance": spread[:, UPPER[0], UPPER[1]], "alternative": np.full((len(t_s), 7), np.nan)}
-    return ObjectPoses(name, numbers, lists, source, free, n_faces.astype(np.int64))
+    return ObjectPoses(track.name, numbers, lists, source, free, n_faces.astype(np.int64))
+
+
+def _observed(table: pa.Table) -> NDArray[np.bool_]:
+    return np.array([source == "observed" for source in table["source"].to_pylist()], bool)
 
 
 def _rests(t_s: Floats, places: Floats, sigma_m: Floats) -> NDArray[np.int64]:
@@ -145,14 +188,19 @@ def _rests(t_s: Floats, places: Floats, sigma_m: Floats) -> NDArray[np.int64]:
     return rest
 
 
+def _noise(values: Floats, covariance: Floats, rest: NDArray[np.int64]) -> _Noise:
+    """How much the values (n, d) scatter, of what their covariance (n, d, d) says."""
+    share = random_share(values, covariance, rest)
+    measured = covariance[np.isfinite(covariance).all((1, 2))]
+    return _Noise(share, (1 - share) * np.median(measured, axis=0))
+
+
 def _without_scatter(
-    t_s: Floats, values: Floats, covariance: Floats, rest: NDArray[np.int64], smoothness: Smoothness
+    t_s: Floats, values: Floats, covariance: Floats, noise: _Noise, smoothness: Smoothness
 ) -> tuple[Floats, Floats]:
     """Smoothed by as much as the values scatter; errors that stay the same remain in the covariance."""
-    share = random_share(values, covariance, rest)
-    track, spread = smooth_track(t_s, values, share * covariance, smoothness)
-    measured = covariance[np.isfinite(covariance).all((1, 2))]
-    return track, spread + (1 - share) * np.median(measured, axis=0)
+    track, spread = smooth_track(t_s, values, noise.share * covariance, smoothness)
+    return track, spread + noise.steady
 
 
 def _column(track: pa.Table, name: str) -> Floats:

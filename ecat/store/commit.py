@@ -14,7 +14,7 @@ from ecat.model import Layer, LayerRecord, Manifest, Stream, TableRecord
 from ecat.model.annotation import with_relation_ids
 from ecat.store import files
 from ecat.store.journal import START, Journal, Place, replacement
-from ecat.store.manifest import SESSION_FILE, dump_manifest, is_file_name, layer_file, table_file
+from ecat.store.manifest import SESSION_FILE, dump_manifest, is_layer_name, layer_file, table_file
 from ecat.store.parquet import TableData, write_table
 from ecat.store.publish import publish
 from ecat.store.schemes import scheme_or_default
@@ -75,7 +75,7 @@ class Commit:
         self._put_layer(layer, place)
 
     def _put_layer(self, layer: Layer, place: Place = START) -> None:
-        if not is_file_name(layer.name):
+        if not is_layer_name(layer.name):
             raise UsageError(
                 f"cannot write layer {layer.name!r}",
                 where="a layer's name becomes that of a file",

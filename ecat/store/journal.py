@@ -25,7 +25,7 @@ from ecat.model.record import Record
 from ecat.store import files
 from ecat.store.lines import append_at, encoded, whole_lines
 from ecat.store.lock import exclusive
-from ecat.store.manifest import is_file_name, journal_file
+from ecat.store.manifest import is_layer_name, journal_file
 
 _ADVICE = "ecat check names what is wrong, ecat check --repair begins a new journal"
 
@@ -50,7 +50,7 @@ class Journal:
     """
 
     def __init__(self, folder: Path, layer: str) -> None:
-        if not is_file_name(layer):
+        if not is_layer_name(layer):
             fix = "take letters, digits, '_', '-', '.' and spaces"
             raise UsageError(
                 f"cannot use the journal of layer {layer!r}", where="not a layer's name", fix=fix

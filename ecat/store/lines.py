@@ -80,7 +80,19 @@ def whole_lines(file: BinaryIO, path: Path, offset: int) -> Iterator[tuple[dict[
 
 
 def append_at(file: BinaryIO, path: Path, end: int, data: bytes) -> None:
-    """Write ``data`` at ``end``, where the whole lines end, and wait until it is on the disk."""
+    """Write ``data`` at ``end``, where the whole lines end, and wait until it is on the disk.
+
+    Raises
+    ------
+    LimitError : the file would become longer than can be read again.
+    """
+    if end + len(data) > MAX_BYTES:
+        raise LimitError(
+            f"cannot append to {path.name}",
+            where=f"{path}: {end:,} bytes, and {len(data):,} more; at most {MAX_BYTES:,} can be read again",
+            consequence="nothing was appended",
+            fix="move the file to another folder; for a journal, ecat check --repair then begins a new one",
+        )
     try:
         if file.seek(0, 2) != end:
             file.truncate(end)

@@ -249,6 +249,11 @@ def is_file_name(name: str) -> bool:
     return re.fullmatch(r"[^\W_][\w .@+-]*", name) is not None and len(name.encode()) <= 200
 
 
+def is_layer_name(name: str) -> bool:
+    """Whether ``name`` can be that of a layer: the stem of a file, which would not be taken for a coding scheme's."""
+    return is_file_name(name) and not name.lower().endswith(".scheme")
+
+
 def is_inside(file: str) -> bool:
     """Whether ``file`` is a relative path, with forward slashes, that stays inside its folder."""
     path = PurePosixPath(file)

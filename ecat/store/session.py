@@ -230,6 +230,8 @@ class Session:
                 raise now.stale(now.manifest.revision)
             new = NewFiles(self.path, new_id())
             commit = Commit(new, now.manifest, now.layer, moved_on or ())
+            # the files of layers that others have edited are those of now, which the block may look at
+            read, self._snapshot = self._snapshot, now
             try:
                 yield commit
                 with ExitStack() as until_committed:
@@ -237,6 +239,7 @@ class Session:
                         new.commit()
             except BaseException:
                 new.discard()
+                self._snapshot = read
                 raise
             self._snapshot = Snapshot.read(self.path)
 

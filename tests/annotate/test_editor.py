@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ecat.annotate import Editor
+from ecat.annotate import AddObject, Editor, RemoveKeyFrame, SetKeyFrame
 from ecat.errors import (
     ConflictError,
     CorruptError,
@@ -407,3 +407,13 @@ class TestSaving:
         with edit(session) as again:
             assert [record.op for record in again.history()] == ["add_event", "add_event", "replace"]
             assert again.at(2).events[0].segments[0].end_frame == 9
+
+
+def test_a_key_frame_comes_back_among_those_that_others_set_meanwhile(session: Session) -> None:
+    with Editor(session, author="ann") as editor:
+        editor.apply(AddObject(kind="point", id="o1", frame=10, coordinates=(1.0, 1.0)))
+        editor.apply(RemoveKeyFrame(object="o1", frame=10))
+        for frame in (2, 5):
+            editor.apply(SetKeyFrame(object="o1", frame=frame, coordinates=(2.0, 2.0)), author="ben")
+        editor.undo()
+        assert [key.frame for key in editor.layer.objects[0].key_frames] == [2, 5, 10]

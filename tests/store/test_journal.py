@@ -193,6 +193,22 @@ class TestReplacedLayers:
             commit.put_layer(layer(3, "machine"))
         assert open_session(session.path).layer() == states[-1]
 
+    def test_who_writes_sees_what_people_have_edited_since(self, session: Session) -> None:
+        opened = open_session(session.path)
+        edited = append(session)[-1]
+        with opened.write() as commit:
+            commit.put_layer(replace(opened.layer(), name="machine"))
+        assert open_session(session.path).layer("machine") == replace(edited, name="machine")
+
+    def test_who_could_not_write_is_as_far_behind_as_before(self, session: Session) -> None:
+        opened = open_session(session.path)
+        read = opened.layer()
+        edited = append(session)[-1]
+        for _ in range(2):
+            with pytest.raises(StaleError), opened.write() as commit:
+                commit.put_layer(read)
+        assert open_session(session.path).layer() == edited
+
 
 class TestMisfits:
     """A journal that is not its layer's: the session opens as it was last saved, and the misfit is named."""
@@ -247,7 +263,7 @@ class TestMisfits:
             list(Journal(saved.path, "main").records())
 
 
-@pytest.mark.parametrize("name", ["", "../main", "a/b", ".hidden"])
+@pytest.mark.parametrize("name", ["", "../main", "a/b", ".hidden", "blocks.scheme", "blocks.Scheme"])
 def test_a_layer_is_named_like_a_file(session: Session, name: str) -> None:
     with pytest.raises(UsageError, match="not a layer's name"):
         Journal(session.path, name)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ecat.errors import CorruptError, DiskError, UsageError
+from ecat.errors import CorruptError, DiskError, LimitError, UsageError
 from ecat.store.lines import append_line, read_lines
 from tests.store.conftest import Steps
 
@@ -70,6 +70,15 @@ def test_what_is_not_json_is_not_appended(path: Path, record: dict[str, Any]) ->
     with pytest.raises(UsageError, match="not JSON"):
         append_line(path, record)
     assert read_lines(path) == []
+
+
+def test_no_more_is_appended_than_can_be_read_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    append_line(path, RECORDS[1])
+    monkeypatch.setattr("ecat.store.lines.MAX_BYTES", 2 * path.stat().st_size)
+    append_line(path, RECORDS[1])
+    with pytest.raises(LimitError, match="nothing was appended"):
+        append_line(path, RECORDS[2])
+    assert read_lines(path) == [RECORDS[1]] * 2
 
 
 def test_a_full_disk_appends_nothing(path: Path, steps: Steps) -> None:

@@ -33,7 +33,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
       await app.setActiveLayer(chosen.gold, false);
       await app.setShown([chosen.gold, chosen.first, chosen.second]);
       seen = new Set(JSON.parse(localStorage.getItem(seenKey()) ?? "[]") as string[]);
-      at = Math.max(0, agreement.disagreements.findIndex((d) => !seen.has(keyOf(d))));
+      at = Math.max(0, agreement.disagreements.findIndex(isOpen));
       jump();
     } catch (error) {
       app.fail(error);
@@ -41,13 +41,16 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
     show();
   };
 
+  const isOpen = (d: Disagreement): boolean => !seen.has(keyOf(d));
+  const decided = (d: Disagreement): boolean => state(app, d, chosen, false) !== "open";
+
   const jump = (): void => {
     const one = agreement?.disagreements[at];
     if (one === undefined) return;
     app.seek(one.start_frame);
     const selected: Selected[] = [];
-    if (one.first !== null) selected.push({ kind: one.kind, id: one.first, layer: chosen.first });
-    if (one.second !== null) selected.push({ kind: one.kind, id: one.second, layer: chosen.second });
+    for (const id of idsOf(one, one.first)) selected.push({ kind: one.kind, id, layer: chosen.first });
+    for (const id of idsOf(one, one.second)) selected.push({ kind: one.kind, id, layer: chosen.second });
     app.select(selected);
   };
 
@@ -58,10 +61,12 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
       ...decide(app, one, chosen.first, one.first, verdict === "first" || verdict === "both"),
       ...decide(app, one, chosen.second, one.second, verdict === "second" || verdict === "both"),
     ];
+    const before = agreement.disagreements.filter(decided);
     if (operations.length > 0 && (await attempt(app, operations)) === null) return;
-    seen.add(keyOf(one));
+    // What was decided about an event holds for its parts.
+    for (const d of [one, ...agreement.disagreements.filter((d) => decided(d) && !before.includes(d))]) seen.add(keyOf(d));
     localStorage.setItem(seenKey(), JSON.stringify([...seen]));
-    const next = agreement.disagreements.findIndex((d, i) => i > at && !seen.has(keyOf(d)));
+    const next = agreement.disagreements.findIndex((d, i) => i > at && isOpen(d));
     at = next >= 0 ? next : at;
     jump();
     show();
@@ -71,7 +76,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
     const layer = app.layers.get(chosen.first);
     if (layer === undefined || agreement === null) return;
     const operations = agreed(app, chosen.first, agreement.disagreements);
-    if (operations.length === 0) return app.notify("Everything that both agree on is there already.");
+    if (operations.length === 0) return app.notify("Nothing is left to take over: sub-events come with their events.");
     if ((await attempt(app, operations)) !== null) app.notify(`${operations.length} things that both agree on were taken over.`);
     show();
   };
@@ -91,7 +96,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   };
 
   const list = (found: Agreement, current: number): HTMLElement => {
-    const open = found.disagreements.filter((d) => !seen.has(keyOf(d))).length;
+    const open = found.disagreements.filter(isOpen).length;
     const one = found.disagreements[current];
     return h("div.section", null,
       h("h3", null, `${found.disagreements.length} disagreements, ${open} open`),
@@ -109,8 +114,8 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
           jump();
           show();
         },
-      }, h("span.grow", null, `${d.label || d.kind} – ${d.differs.join(", ")}`), h("span.at", null, `${d.start_frame}–${d.end_frame}`),
-      h("span.chip", { class: seen.has(keyOf(d)) ? "chip good" : "chip" }, state(app, d, chosen, seen.has(keyOf(d))))))));
+      }, h("span.grow", null, `${d.label || d.kind} ${differences(d, chosen)}`), h("span.at", null, `${d.start_frame}–${d.end_frame}`),
+      h("span.chip", { class: isOpen(d) ? "chip" : "chip good" }, state(app, d, chosen, seen.has(keyOf(d))))))));
   };
 
   const onKey = (event: KeyboardEvent): void => {
@@ -129,25 +134,34 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   return { destroy: () => window.removeEventListener("keydown", onKey, true) };
 }
 
+/** A fact may be stated by several relations. */
+function idsOf(d: Pick<Disagreement, "kind">, id: string | null): string[] {
+  return id === null ? [] : d.kind === "relation" ? id.split(" ") : [id];
+}
+
 function keyOf(d: Disagreement): string {
   return `${d.kind} ${d.first ?? ""} ${d.second ?? ""}`;
 }
 
 function differences(d: Disagreement, chosen: { first: string; second: string }): string {
-  if (d.first === null) return `is only in ${chosen.second}`;
-  if (d.second === null) return `is only in ${chosen.first}`;
+  if (d.first === null) return `only in ${chosen.second}`;
+  if (d.second === null) return `only in ${chosen.first}`;
   return `differs in ${d.differs.join(", ")}`;
 }
 
 function state(app: App, d: Disagreement, chosen: { first: string; second: string }, seen: boolean): string {
-  const accepted = (layer: string, id: string | null): boolean => id !== null && app.document.decisions.get(`${layer}/${id}`)?.verdict === "accepted";
-  const found = [accepted(chosen.first, d.first) ? "A" : "", accepted(chosen.second, d.second) ? "B" : ""].filter(Boolean).join(" + ");
-  return found || (seen ? "neither" : "open");
+  const verdicts = (layer: string, id: string | null): (string | undefined)[] => idsOf(d, id).map((one) => app.document.decisions.get(`${layer}/${one}`)?.verdict);
+  const [first, second] = [verdicts(chosen.first, d.first), verdicts(chosen.second, d.second)];
+  const taken = [first.includes("accepted") ? "A" : "", second.includes("accepted") ? "B" : ""].filter(Boolean).join(" + ");
+  return taken || (seen || [...first, ...second].includes("rejected") ? "neither" : "open");
 }
 
 /** What makes the gold layer contain, or not contain, an element of another layer. */
-function decide(app: App, d: Disagreement, layer: string, id: string | null, wanted: boolean): Operation[] {
-  if (id === null || d.kind === "object") return [];
+function decide(app: App, d: Disagreement, layer: string, ids: string | null, wanted: boolean): Operation[] {
+  return d.kind === "object" ? [] : idsOf(d, ids).flatMap((id) => decideOne(app, d, layer, id, wanted));
+}
+
+function decideOne(app: App, d: Disagreement, layer: string, id: string, wanted: boolean): Operation[] {
   const proposal = `${layer}/${id}`;
   const now = app.document.decisions.get(proposal);
   if (wanted) return now?.verdict === "accepted" ? [] : [{ op: "accept_proposal", proposal }];
@@ -156,13 +170,13 @@ function decide(app: App, d: Disagreement, layer: string, id: string | null, wan
   return [...(there ? [{ op: `remove_${d.kind}`, id: now.result }] : []), { op: "reject_proposal", proposal }];
 }
 
-/** Takes over whatever of the first layer nobody disputes; sub-events come with their events. */
+/** Takes over whatever of the first layer nobody disputes; sub-events come with their events, also when those are disputed. */
 function agreed(app: App, layer: string, disagreements: Disagreement[]): Operation[] {
   const source = app.layers.get(layer)?.document;
   if (source === undefined) return [];
-  const disputed = new Set(disagreements.map((d) => `${d.kind} ${d.first ?? ""}`));
+  const disputed = new Set(disagreements.flatMap((d) => idsOf(d, d.first).map((id) => `${d.kind} ${id}`)));
   const open = (kind: string, id: string): boolean => !disputed.has(`${kind} ${id}`) && app.document.decisions.get(`${layer}/${id}`) === undefined;
-  const events = source.events.list.filter((e) => open("event", e.id) && (e.parent === null || disputed.has(`event ${e.parent}`)));
+  const events = source.events.list.filter((e) => open("event", e.id) && e.parent === null);
   const relations = source.relations.list.filter((r) => open("relation", r.id));
   return [...events, ...relations].map((e) => ({ op: "accept_proposal", proposal: `${layer}/${e.id}` }));
 }

@@ -171,7 +171,7 @@ class Agreement:
         matches = match_spans(*spans, least_iou=PAIRING_IOU)
 
         def predicate(span: Span) -> str:
-            return span.id.split(" ", 1)[0]
+            return str(span.label[0]) if isinstance(span.label, tuple) else ""  # pyright: ignore[reportUnknownArgumentType]
 
         matched = Counter(predicate(spans[0][m.first]) for m in matches)
         counts = tuple(Counter(map(predicate, side)) for side in spans)

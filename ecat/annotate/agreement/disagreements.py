@@ -22,8 +22,9 @@ _ANY_IOU = 1e-9
 class Disagreement:
     """One thing that two annotators see differently.
 
-    ``first`` and ``second`` are the ids in their layers, None where one of them says nothing; ``differs`` names what
-    is different (``only``, ``type``, ``start``, ``end``, ``tier``, ``parent``, ``roles``, ``text``, ``relation``).
+    ``first`` and ``second`` are the ids in their layers, None where one of them says nothing (of a relation: of all
+    that state the fact, apart by spaces); ``differs`` names what is different (``only``, ``type``, ``start``, ``end``,
+    ``tier``, ``parent``, ``roles``, ``text``, ``relation``).
     """
 
     kind: Literal["object", "event", "relation"]
@@ -38,7 +39,7 @@ class Disagreement:
 def disagreements(
     first: Layer, second: Layer, n_frames: int = 0, scheme: CodingScheme = ECAT_2018_SCHEME
 ) -> list[Disagreement]:
-    """All of them, in the order of time; events first.
+    """All of them, in the order of time; events first, and each before its parts.
 
     Events are paired by type and overlap; those left over are paired by overlap alone, and then differ in type.
     """
@@ -49,7 +50,7 @@ def disagreements(
         *_relations(first, second, n_frames, same, scheme),
         *_objects(first, second, same, n_frames),
     ]
-    return sorted(found, key=lambda d: (d.kind != "event", d.start_frame, d.end_frame, d.label))
+    return sorted(found, key=lambda d: (d.kind != "event", d.start_frame, -d.end_frame, d.label))
 
 
 def _pairs(first: Sequence[Span], second: Sequence[Span]) -> list[tuple[int | None, int | None]]:

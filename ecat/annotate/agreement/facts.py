@@ -58,18 +58,21 @@ def depths(events: Mapping[str, Event]) -> dict[str, int]:
 def relation_spans(layer: Layer, scheme: CodingScheme, n_frames: int, same: Mapping[str, str]) -> list[Span]:
     """When the layer's positive relations hold; the label is the predicate with its arguments.
 
-    ``same`` renames the objects of another layer to this one's; facts about the same arguments are one span.
+    ``same`` renames the objects of another layer to this one's; facts about the same arguments are one span, whose id
+    lists those of the relations.
     """
     there = {thing.id: presence(thing) for thing in layer.objects}
     held = intervals(layer.relations, scheme, lambda name: there.get(name, ALWAYS if "/" in name else ()))
     by_fact: dict[tuple[str, ...], list[Segment]] = {}
+    ids: dict[tuple[str, ...], list[str]] = {}
     for index, stretches in held.items():
         fact = _fact(layer.relations[index], same)
+        ids.setdefault(fact, []).append(layer.relations[index].id)
         by_fact.setdefault(fact, []).extend(
             Segment(start_frame=start, end_frame=n_frames if end is None else end) for start, end in stretches
         )
     return [
-        Span(" ".join(fact), fact, stretches)
+        Span(" ".join(ids[fact]), fact, stretches)
         for fact, segments in sorted(by_fact.items())
         if (stretches := _stretches(segments, n_frames))
     ]

@@ -140,7 +140,9 @@ def _cell(value: object) -> str:
 def text_of(found: Figures) -> str:
     """The figures of :func:`figures` as a page."""
     raters = " and ".join(found["raters"])
-    lines = [f"{raters}: {found['sessions']:,} sessions, {found['frames']:,} frames"]
+    n_sessions = found["sessions"]
+    sessions = "1 session" if n_sessions == 1 else f"{n_sessions:,} sessions"
+    lines = [f"{raters}: {sessions}, {found['frames']:,} frames"]
     lines += _labels_text(found)
     lines += _events_text(found)
     lines += _objects_text(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
@@ -216,15 +216,20 @@ class Edit:
             raise self.refusal(f"frame {frame} is not in the recording", f"name one from 0 to {last}")
         return frame
 
-    def segment(self, start: int, end: int) -> Segment:
+    def segment(self, start: int, end: int, *, kept: Collection[int] = ()) -> Segment:
         """The stretch ``[start, end)`` with its times.
+
+        ``kept`` are edges that were there before and are not judged: imported events begin at frame -1, or end behind
+        the recording.
 
         Raises
         ------
         OperationError : it is empty, or not in the recording.
         """
-        self.frame(start)
-        self.frame(end, end=True)
+        if start not in kept:
+            self.frame(start)
+        if end not in kept:
+            self.frame(end, end=True)
         if end <= start:
             raise self.refusal(f"frames {start} to {end} are no stretch", "let it end after it starts")
         return Segment(start_frame=start, end_frame=end, start_ns=self.t_ns(start), end_ns=self.t_ns(end))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from ecat.annotate.operations.base import Edit, Operation
@@ -86,7 +87,8 @@ def put_relation(edit: Edit, relation: Relation) -> None:
     """
     old = edit.document.relation(relation.id)
     if old is None or (old.start_frame, old.end_frame) != (relation.start_frame, relation.end_frame):
-        relation = replace(relation, **_times(edit, relation))
+        kept = () if old is None else (old.start_frame, *(() if old.end_frame is None else (old.end_frame,)))
+        relation = replace(relation, **_times(edit, relation, kept))
     scheme = edit.scheme or ECAT_2018_SCHEME
     for other in _of_the_same(edit, relation):
         if other.start_frame != relation.start_frame or other.id == relation.id:
@@ -101,11 +103,11 @@ def put_relation(edit: Edit, relation: Relation) -> None:
     edit.put(relation)
 
 
-def _times(edit: Edit, relation: Relation) -> dict[str, int | None]:
+def _times(edit: Edit, relation: Relation, kept: Collection[int]) -> dict[str, int | None]:
+    start = relation.start_frame
     if relation.end_frame is None:
-        start = edit.frame(relation.start_frame)
-        return {"start_ns": edit.t_ns(start), "end_ns": None}
-    segment = edit.segment(relation.start_frame, relation.end_frame)
+        return {"start_ns": edit.t_ns(start if start in kept else edit.frame(start)), "end_ns": None}
+    segment = edit.segment(start, relation.end_frame, kept=kept)
     return {"start_ns": segment.start_ns, "end_ns": segment.end_ns}
 
 

@@ -67,7 +67,11 @@ class RemoveKeyFrame(Operation):
         """Forget it."""
         keys = keys_of(edit.object(self.object), self.dimensions)
         if all(key.frame != self.frame for key in keys):
-            raise edit.refusal(f"object {self.object} has no key frame at frame {self.frame}")
+            there = ", ".join(str(key.frame) for key in keys[:20]) or "none"
+            raise edit.refusal(
+                f"object {self.object} has no key frame at frame {self.frame}",
+                f"name one of its key frames: {there}",
+            )
         edit.drop_key_frame(self.object, self.frame, self.dimensions)
 
 

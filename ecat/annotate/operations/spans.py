@@ -123,7 +123,8 @@ def set_segments(edit: Edit, event: Event, spans: Sequence[Span]) -> None:
     """Give an event other segments; those that it had keep their times, even if they are not in the recording."""
     known = {(s.start_frame, s.end_frame): s for s in event.segments}
     kept = [known[pair] for pair in spans if pair in known]
-    new = [edit.segment(*pair) for pair in spans if pair not in known]
+    edges = {edge for pair in known for edge in pair}
+    new = [edit.segment(*pair, kept=edges) for pair in spans if pair not in known]
     segments = sorted([*kept, *new], key=lambda s: (s.start_frame, s.end_frame))
     if not segments:
         edit.segments(())

@@ -129,6 +129,18 @@ def test_who_says_nothing_disagrees_with_all_that_is_said() -> None:
     assert {d.kind for d in found} == {"event", "relation", "object"}
 
 
+def test_a_relation_that_is_disputed_is_named_by_its_ids() -> None:
+    stated = [replace(relation(start, start + 10, "o1", "o2"), id=f"r{start}") for start in (0, 40)]
+    found = disagreements(replace(ANN, relations=tuple(stated)), Layer(name="ben"), 100)
+    assert [(d.first, d.label) for d in found if d.kind == "relation"] == [("r0 r40", "ON o1 o2")]
+
+
+def test_a_whole_is_decided_before_its_parts() -> None:
+    part = replace(event("part", 0, 10, "grasp"), parent="whole", tier="sub-event")
+    layer = Layer(name="ann", events=(part, event("whole", 0, 50, "slide")))
+    assert [d.first for d in disagreements(layer, Layer(name="ben"), 100)] == ["whole", "part"]
+
+
 @given(st.integers(0, 3))
 def test_an_annotator_agrees_with_herself(n: int) -> None:
     layer = replace(ANN, events=ANN.events[:n])

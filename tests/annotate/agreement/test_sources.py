@@ -92,7 +92,7 @@ def test_the_verb_prints_a_page_or_json(tmp_path: Path, capsys: pytest.CaptureFi
     path = session(tmp_path / "s", layer("ann", 10), layer("ben", 12))
     assert main(["agree", str(path)]) == 0
     page = capsys.readouterr().out
-    assert "ann and ben: 1 sessions, 60 frames" in page
+    assert "ann and ben: 1 session, 60 frames" in page
     assert "type slide" in page
     assert main(["agree", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["events"][0]["f1"] == 1.0

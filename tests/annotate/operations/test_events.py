@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from ecat.model import Layer, Role, Segment
+from ecat.annotate import Editor, EditRelation, MoveEdge
+from ecat.errors import OperationError
+from ecat.model import AnnotatedObject, Argument, Event, Layer, Relation, Role, Segment
 from ecat.model.scheme import BLOCKS_SCHEME
+from ecat.store import Session
 from tests.annotate.bench import STEP_NS, Bench, event, op, thing
 
 
@@ -276,3 +279,26 @@ def test_the_type_says_the_tier_and_the_tier_finds_the_parent() -> None:
     bench.do(event(0, 100, type="slide_next"), event(10, 50, type="slide_next"), event(20, 30, type="grasp"))
     assert (bench.event("a3").tier, bench.event("a3").parent) == ("sub-event", "a2")
     assert "none is around it" in bench.refused(event(200, 210, type="grasp"))
+
+
+class TestEdgesOutsideOfTheRecording:
+    """Imported events begin at frame -1, which shows the first image, or end behind the last one."""
+
+    def test_the_other_edge_can_be_moved(self, session: Session) -> None:
+        imported = Layer(
+            objects=(AnnotatedObject(id="o1", kind="other"),),
+            events=(Event(id="a1", segments=(Segment(start_frame=-1, end_frame=10_000),)),),
+            relations=(
+                Relation(id="r1", predicate="SIT", start_frame=-1, arguments=(Argument(target="o1"),)),
+            ),
+        )
+        with session.write() as commit:
+            commit.put_layer(imported)
+        with Editor(session, author="ann") as editor:
+            editor.apply(MoveEdge(id="a1", edge="end", frame=9))
+            editor.apply(EditRelation(id="r1", end_frame=5))
+            [segment] = editor.layer.events[0].segments
+            assert (segment.start_frame, segment.end_frame) == (-1, 9)
+            assert editor.layer.relations[0].end_frame == 5
+            with pytest.raises(OperationError, match="move edge"):
+                editor.apply(MoveEdge(id="a1", edge="start", frame=-2))

@@ -35,6 +35,7 @@ from tests.store.media.clips import (
 )
 
 N = 40
+FILES = Path("/dev/fd")
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +132,17 @@ def test_images_can_be_asked_for_again_and_again_in_any_direction(tmp_path: Path
         del given_up
         np.testing.assert_array_equal(next(other), fresh[150])
         np.testing.assert_array_equal(next(images.read([20])), fresh[20])
+
+
+@pytest.mark.skipif(not FILES.is_dir(), reason="this system does not list the files that a process has open")
+@pytest.mark.parametrize("stream", ["color", "depth"])
+def test_what_is_given_up_half_way_keeps_no_file_open(session: Session, stream: str) -> None:
+    with open_images(session, stream) as images:
+        next(images.read([0]))
+        before = len(list(FILES.iterdir()))
+        for first in (30, 3, 20, 8):
+            next(images.read([first, N - 1]))
+        assert len(list(FILES.iterdir())) <= before
 
 
 @pytest.mark.parametrize("wanted", [[3, 2], [5, 5], [-1], [N]])
