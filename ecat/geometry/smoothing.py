@@ -20,6 +20,7 @@ _LEAST_VARIANCE = 1e-6
 _LAG = 10
 """Measurements so far apart have errors that are taken to have nothing to do with each other."""
 _MOST_CORRELATION = 0.9
+_AT_ONCE = 4096
 SIGMA_RANGE = 1e4
 """Standard deviations are taken to be within this factor of their median, for the same reason."""
 
@@ -105,14 +106,19 @@ def _scatter(values: Floats, covariance: Floats, rest: NDArray[np.int64], lag: i
     """Median square of the distance from the middle of those ``lag`` before and after, in stated variances."""
     if len(values) < _LEAST_SCATTER + 2 * lag:
         return None
-    before, here, after = slice(None, -2 * lag), slice(lag, -lag), slice(2 * lag, None)
-    middle = (values[before] + values[after]) / 2
-    spread = covariance[here] + (covariance[before] + covariance[after]) / 4
-    whole = known(middle) & known(values[here]) & known(spread, 2) & (rest[before] == rest[after])
-    if whole.sum() < _LEAST_SCATTER:
+    # some at a time: of an hour, all that is computed on the way would be many times as large as the result
+    squares: list[Floats] = []
+    for first in range(lag, len(values) - lag, _AT_ONCE):
+        here = np.arange(first, min(first + _AT_ONCE, len(values) - lag))
+        before, after = here - lag, here + lag
+        middle = (values[before] + values[after]) / 2
+        spread = covariance[here] + (covariance[before] + covariance[after]) / 4
+        whole = known(middle) & known(values[here]) & known(spread, 2) & (rest[before] == rest[after])
+        gap, spread = (values[here] - middle)[whole], spread[whole]
+        squares.append(np.einsum("ni,ni->n", gap, np.linalg.solve(spread, gap[..., None])[..., 0]))
+    square = np.concatenate(squares)
+    if len(square) < _LEAST_SCATTER:
         return None
-    gap, spread = (values[here] - middle)[whole], spread[whole]
-    square = np.einsum("ni,ni->n", gap, np.linalg.solve(spread, gap[..., None])[..., 0])
     return float(np.median(square) / chi2.ppf(0.5, values.shape[1]))
 
 

@@ -132,11 +132,10 @@ def _track(name: str, table: pa.Table, parameters: SmoothParameters) -> _Track:
     _decide(t_s, (places, turns), sigma_rad, _lists(table, "alternative"), parameters)
     stretches: list[_Stretch] = []
     for rows in _stretches(t_s, _observed(table), parameters.max_gap_s):
-        covariance = pose_covariances(table[rows])
         rest = _rests(t_s[rows], places[rows], sigma_m[rows])
         turns[rows] = _same_sign(turns[rows])
-        by_turn = _quaternion_covariance(turns[rows], covariance[:, 3:, 3:])
-        place = _noise(places[rows], covariance[:, :3, :3], rest)
+        by_place, by_turn = _covariances(table[rows], turns[rows])
+        place = _noise(places[rows], by_place, rest)
         stretches.append(_Stretch(rows, place, _noise(turns[rows], by_turn, rest)))
     return _Track(name, t_s, places, turns, stretches)
 
@@ -173,6 +172,18 @@ def _smoothed(track: _Track, window: slice, table: pa.Table, parameters: SmoothP
     numbers["sigma_rad"] = np.sqrt(np.einsum("nii->n", spread[:, 3:, 3:]) / 3)
     lists = {"covariance": spread[:, UPPER[0], UPPER[1]], "alternative": np.full((len(t_s), 7), np.nan)}
     return ObjectPoses(track.name, numbers, lists, source, free, n_faces.astype(np.int64))
+
+
+def _covariances(table: pa.Table, turns: Floats) -> tuple[Floats, Floats]:
+    """Of places (n, 3, 3), and of the turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6) only of some rows."""
+    places: list[Floats] = []
+    by_turn: list[Floats] = []
+    for start in range(0, len(turns), _WINDOW):
+        rows = slice(start, start + _WINDOW)
+        covariance = pose_covariances(table[rows])
+        places.append(covariance[:, :3, :3].copy())
+        by_turn.append(_quaternion_covariance(turns[rows], covariance[:, 3:, 3:]))
+    return np.concatenate(places), np.concatenate(by_turn)
 
 
 def _observed(table: pa.Table) -> NDArray[np.bool_]:

@@ -191,7 +191,8 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
             context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
             stack.callback(context.close)
             if author is not None:
-                settings = json.dumps({"author": author})
+                # a name that was chosen counts as long as the server suggests the same one as then
+                settings = json.dumps({"author": author, "suggested": "ann"})
                 context.add_init_script(
                     f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})"
                 )

@@ -271,7 +271,7 @@ def test_what_people_confirmed_among_the_proposals_is_never_overwritten(session:
     edit(session, replace(layer, events=(confirmed, *layer.events[1:])))
     report = process_session(session.path, force=True)
     assert session.refresh().layer("machine").events[0] == confirmed
-    assert any("people confirmed" in finding for finding in report.findings)
+    assert any("people have decided" in finding for finding in report.findings)
 
 
 def test_what_people_decided_about_in_their_own_layers_is_never_overwritten_either(session: Session) -> None:
@@ -280,11 +280,11 @@ def test_what_people_decided_about_in_their_own_layers_is_never_overwritten_eith
         editor.apply(RejectProposal(proposal=f"machine/{before.events[0].id}"))
     report = process_session(session.path, stages=["propose"], force=True)
     assert session.refresh().layer("machine") == before
-    assert any("people confirmed" in finding for finding in report.findings)
+    assert any("people have decided" in finding for finding in report.findings)
     with Editor(session, "ann", "ann") as editor:
         editor.undo()
     report = process_session(session.path, stages=["propose"], force=True)
-    assert not any("people confirmed" in finding for finding in report.findings)
+    assert not any("people have decided" in finding for finding in report.findings)
 
 
 def test_boxes_that_cannot_be_measured_are_not_kept_as_if_they_were(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 // What a person can do to the selected things, whichever way it was asked for: a key, a button, a menu.
 
 import { span } from "./document";
-import { type Context, enclosing, guessRoles, type Labelled, press, pressAll, rolesField } from "./labelling";
+import { type Context, enclosing, guessRoles, type Labelled, naming, press, pressAll, rolesField } from "./labelling";
 import { type App, MACHINE, type Selected, SPEEDS } from "./state";
 import type { AnnotatedObject, Change, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
 
@@ -86,7 +86,14 @@ export async function newSubEvent(app: App): Promise<void> {
 
 /** The key of an event type was pressed. */
 export function pressLabel(app: App, type: EventType): Promise<void> {
+  // While an event is repeated the cursor goes in circles: the keys say what it is.
+  const repeated = app.cursor.loop === null ? null : app.selectedEvent;
+  if (repeated !== null && app.running.length === 0) return nameEvent(app, repeated, type);
   return labelling(app, (frame, object) => press(app.running, type, frame, labelContext(app, object)));
+}
+
+async function nameEvent(app: App, event: EcatEvent, type: EventType): Promise<void> {
+  await attempt(app, naming(event, { type: type.name }, labelContext(app, await actedUpon(app))));
 }
 
 export function closeLabels(app: App): Promise<void> {

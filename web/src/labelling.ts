@@ -109,7 +109,8 @@ function addition(label: Running, frame: number, context: Context, parent: EcatE
   return { op: "add_event", type: label.type, tier: label.tier, segments: [[label.start, frame]], roles: rolesField(roles), ...(parent ? { parent: parent.id } : {}) };
 }
 
-function naming(event: EcatEvent, label: Running, { document, scheme, object }: Context): Operation[] {
+/** What gives an event the type of a label, and the roles that can be guessed. */
+export function naming(event: EcatEvent, label: Pick<Running, "type">, { document, scheme, object }: Context): Operation[] {
   const type = scheme.event_types.find((t) => t.name === label.type);
   const roles = guessRoles(type, null, object, document);
   const filled = new Set(event.roles.map((r) => r.name));

@@ -30,7 +30,7 @@ export function openWindows(app: App): void {
     title: "Windows", testId: "windows",
     body: [
       h("p.muted", null, "Adds events of equal length at equal steps, as a template for labelling stretch by stretch."),
-      h("div.fields", null, row("Start", fields.start), row("Step", fields.step), row("Duration", fields.duration), row("Type", fields.type),
+      h("div.fields", null, row("Start, frame", fields.start), row("Step, frames", fields.step), row("Duration, frames", fields.duration), row("Type", fields.type),
         row("Tier", fields.tier), row("Text", fields.text), row("Existing", existing)),
       h("datalist", { id: "windows-types" }, app.scheme.event_types.map((t) => h("option", { value: t.name }))), count,
     ],

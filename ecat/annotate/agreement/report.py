@@ -137,12 +137,14 @@ def _cell(value: object) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
+def _counted(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def text_of(found: Figures) -> str:
     """The figures of :func:`figures` as a page."""
     raters = " and ".join(found["raters"])
-    n_sessions = found["sessions"]
-    sessions = "1 session" if n_sessions == 1 else f"{n_sessions:,} sessions"
-    lines = [f"{raters}: {sessions}, {found['frames']:,} frames"]
+    lines = [f"{raters}: {_counted(found['sessions'], 'session')}, {_counted(found['frames'], 'frame')}"]
     lines += _labels_text(found)
     lines += _events_text(found)
     lines += _objects_text(found)
@@ -212,7 +214,7 @@ def _columns(of: Mapping[str, Any]) -> list[object]:
 
 def ratings_text(found: Figures) -> str:
     """The figures of ratings in a table, as a page."""
-    lines = [f"{found['items']:,} items, {found['raters']} raters"]
+    lines = [f"{_counted(found['items'], 'item')}, {_counted(found['raters'], 'rater')}"]
     if found["blank"]:
         lines.append(f"{found['blank']:,} ratings are blank and were left out (--blank LABEL counts them)")
     rows = [[name, found[key]] for key, name in _COEFFICIENTS.items()]
