@@ -11,6 +11,7 @@ from typing import Any, Literal
 from ecat.annotate.codec import operation_from_dict, operation_to_dict, require_author, require_few
 from ecat.annotate.history import History, turn_back
 from ecat.annotate.operations import Edit, Operation
+from ecat.annotate.room import Room
 from ecat.annotate.rules import perform, require_sound
 from ecat.annotate.surroundings import Surroundings
 from ecat.errors import ConflictError, LockedError, OperationError, StaleError, UsageError
@@ -288,6 +289,7 @@ class Editor:
                 changes=changes,
             )
             try:
+                self._room.require(changes, self._document)
                 place = held.append(self._place, [record], base=first, sha256=self._sha256)
             except BaseException:
                 self._document.apply(invert(changes))
@@ -314,6 +316,7 @@ class Editor:
         """Read the layer as it was last saved, and its journal."""
         layer, self._place, self._sha256 = self._around.read_layer()
         self._document = Document(layer)
+        self._room = Room(self._around.xml_bytes())
         self._saved = self._place.revision
         self._history = self._read_history()
         for record, place in self._journal.records(self._place):
@@ -364,6 +367,7 @@ class Editor:
 
     def _take(self, record: Record, place: Place) -> None:
         self._journal.apply(self._document, record)
+        self._room.took(record.changes)
         self._note(record, place)
 
     def _note(self, record: Record, place: Place) -> None:

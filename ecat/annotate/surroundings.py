@@ -12,7 +12,7 @@ from ecat.annotate.schemes import find_scheme
 from ecat.errors import EcatError, LockedError, NotFoundError, StaleError
 from ecat.model import CodingScheme, Layer
 from ecat.store import Place, Session, open_session
-from ecat.store.manifest import SESSION_FILE, is_plain_name
+from ecat.store.manifest import SESSION_FILE, is_plain_name, layer_file
 from ecat.store.media import annotated_stream
 from ecat.store.snapshot import Snapshot
 
@@ -90,6 +90,13 @@ class Surroundings:
                     return layer, Place(record.journal_revision, record.journal_bytes), record.sha256
             self._session.reread()
         return self._session.layer(self._layer), Place(), ""
+
+    def xml_bytes(self) -> int:
+        """How long the layer's XML is; 0 if it is not there."""
+        try:
+            return (self._session.path / layer_file(self._layer)).stat().st_size
+        except OSError:
+            return 0
 
     def sha256_now(self) -> str:
         """The sha256 that the layer's XML has by now; the manifest is read again only if it was written again."""

@@ -74,7 +74,9 @@ def make_survey(root: Path, survey: Survey, source: Source, *, seed: int | None 
     if survey.kind == "choice":
         if not choices:
             fix = "name them with --choice"
-            raise UsageError(f"cannot make survey {survey.name}", where="no event has a type to choose", fix=fix)
+            raise UsageError(
+                f"cannot make survey {survey.name}", where="no event has a type to choose", fix=fix
+            )
         choices = (*choices, NONE_OF_THEM) if NONE_OF_THEM not in choices else choices
     numbered = tuple(replace(item, id=str(number)) for number, item in enumerate(items))
     complete = replace(survey, items=numbered, choices=choices if survey.kind == "choice" else ())

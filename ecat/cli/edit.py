@@ -96,9 +96,12 @@ def _said(change: Change) -> str:
 def back_and_forth(
     out: Output, path: Path, layer: str, author: str | None, *, steps: int, redo: bool
 ) -> None:
-    """Undo or redo some edits, and say which."""
+    """Undo or redo some edits, or as many as there are, and say which."""
     with editing(path, layer, author) as editor:
-        records = [editor.redo() if redo else editor.undo() for _ in range(steps)]
+        step, more = (editor.redo, editor.can_redo) if redo else (editor.undo, editor.can_undo)
+        records = [step()]
+        while len(records) < steps and more():
+            records.append(step())
         revision = editor.revision
     lines = [_said(change) for record in records for change in record.changes if change.kind != "layer"]
     data = {"layer": layer, "revision": revision, "records": [record.to_dict() for record in records]}

@@ -15,7 +15,13 @@ from ecat.cli.verb import verb
 @path_argument
 @layer_option
 @author_option
-@click.option("--steps", type=click.IntRange(min=1), default=1, show_default=True, help="How many edits.")
+@click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many edits; fewer if there are no more.",
+)
 def command(out: Output, path: Path, layer: str, author: str | None, steps: int) -> None:
     """Make the edit again that you took back last, or several."""
     back_and_forth(out, path, layer, author, steps=steps, redo=True)

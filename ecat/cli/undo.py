@@ -15,7 +15,13 @@ from ecat.cli.verb import verb
 @path_argument
 @layer_option
 @author_option
-@click.option("--steps", type=click.IntRange(min=1), default=1, show_default=True, help="How many edits.")
+@click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many edits; fewer if there are no more.",
+)
 def command(out: Output, path: Path, layer: str, author: str | None, steps: int) -> None:
     """Take back your last edit of a layer, or several.
 

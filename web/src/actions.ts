@@ -87,7 +87,7 @@ export async function newSubEvent(app: App): Promise<void> {
 /** The key of an event type was pressed. */
 export function pressLabel(app: App, type: EventType): Promise<void> {
   // While an event is repeated the cursor goes in circles: the keys say what it is.
-  const repeated = app.cursor.loop === null ? null : app.selectedEvent;
+  const repeated = app.cursor.loop === null || app.primary?.layer !== app.activeLayer ? null : app.selectedEvent;
   if (repeated !== null && app.running.length === 0) return nameEvent(app, repeated, type);
   return labelling(app, (frame, object) => press(app.running, type, frame, labelContext(app, object)));
 }

@@ -42,7 +42,7 @@ export function createTopbar(host: HTMLElement, app: App): { destroy(): void } {
   const refresh = (): void => {
     const session = app.session;
     if (session === null) return;
-    facts.textContent = `${session.n_frames.toLocaleString("en")} frames · ${clock(session.duration_s)}`;
+    facts.textContent = `${session.n_frames.toLocaleString("en")} ${session.n_frames === 1 ? "frame" : "frames"} · ${clock(session.duration_s)}`;
     layer.textContent = `Layer: ${app.activeLayer}`;
     author.textContent = app.settings.author === "" ? "Your name…" : app.settings.author;
     undoButton.disabled = !app.active.canUndo;

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Response
 
 from ecat.annotate import agreement, surveys
 from ecat.annotate.agreement.compare import Agreement
-from ecat.errors import UsageError
+from ecat.errors import EcatError, UsageError
 from ecat.store.schemes import scheme_or_default
 from ecat.store.surveys import read_answers, read_survey, survey_names
 from ecat.web.answers import json_answer
@@ -48,7 +48,13 @@ def all_surveys(site: TheSite) -> Response:
     root = site.library.root
     found: list[dict[str, Any]] = []
     for name in survey_names(root):
-        survey, said = read_survey(root, name), surveys.last_answers(read_answers(root, name))
+        try:
+            survey, said = read_survey(root, name), surveys.last_answers(read_answers(root, name))
+        except EcatError as damaged:
+            found.append(
+                {"name": name, "question": f"{damaged.what}: {damaged.where}", "items": 0, "raters": {}}
+            )
+            continue
         raters = {answer.rater: 0 for answer in said}
         for answer in said:
             raters[answer.rater] += 1

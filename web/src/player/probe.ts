@@ -55,7 +55,7 @@ export class DepthProbe {
     try {
       const found = await app.api.depthAt(app.session.id, pane.stream.name, pane.shown, at.u, at.v, this.asked.signal);
       const place = found.x === null || found.y === null || found.z === null ? ""
-        : `  ·  x ${found.x.toFixed(3)}  y ${found.y.toFixed(3)}  z ${found.z.toFixed(3)} m`;
+        : `  ·  ${found.x.toFixed(3)}, ${found.y.toFixed(3)}, ${found.z.toFixed(3)} m`;
       const depth = found.depth_m === null ? "no depth" : `${Math.round(found.depth_m * 1e4) / 10} mm`;
       this.tell(`${depth}${place}  ·  pixel ${at.u}, ${at.v}`);
     } catch (error) {
