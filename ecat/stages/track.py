@@ -93,9 +93,6 @@ class Tracker:
         self._way = _NO_RINGS
         self._seen = np.empty(0, np.int64)
         self._largest_px = 0.0
-        # which boxes were ever seen, and where the last image differs from the one searched before
-        self._met: set[int] = set()
-        self._changed: list[Region] = []
 
     def follow(self, images: Iterable[NDArray[np.uint8]]) -> Iterator[Found]:
         """The faces in each image (height, width), some images later than it was taken in.
@@ -134,19 +131,6 @@ class Tracker:
         self._remember(new, way)
         if len(new):
             every[-1] = Found.joined([every[-1], new])
-        return self._glimpsed(images, start, every)
-
-    def _glimpsed(self, images: Sequence[NDArray[np.uint8]], start: int, every: list[Found]) -> list[Found]:
-        """With the faces of boxes that were seen before and are out of sight in the last image.
-
-        Where something moves before such a box, it may show in any image between two that are searched.
-        """
-        hidden = self._met - set(every[-1].box.tolist())
-        self._met |= set(every[-1].box.tolist())
-        for i, grey in enumerate(images[:-1] if hidden and self._changed else ()):
-            seen = self._detector.read(grey, self._candidates(grey, self._changed, every[i].rings))
-            seen = seen[(places(seen, every[i]) < 0) & np.isin(seen.box, list(hidden))]
-            every[i] = Found.joined([every[i], seen[self._new(seen, start + i)]])
         return every
 
     def _followed(self, images: Sequence[NDArray[np.uint8]], start: int) -> list[Found]:
@@ -238,9 +222,8 @@ class Tracker:
             lately = ~known & (self._seen >= image - self._parameters.together)
             lost = zip(self._last.rings[lately], self._way[lately], strict=True)
             regions += [around(ring, way, grey.shape) for ring, way in lost]
-        self._changed = merged(regions)
         rings = np.concatenate(
-            [self._last.rings[~known], self._candidates(grey, self._changed, self._last.rings)]
+            [self._last.rings[~known], self._candidates(grey, merged(regions), self._last.rings)]
         )
         # no farther than a search reaches: beyond a face that is seen from the side lies the edge of another
         found = self._detector.read(grey, rings)
@@ -266,14 +249,11 @@ class Tracker:
         fine[fine] = self._near(found[fine], self._last.rings[at]) & (self._seen[at] < image)
         new = ~fine
         new[np.flatnonzero(place >= 0)[twice]] = False
-        fine[new] = self._new(found[new], image)
-        return fine
-
-    def _new(self, found: Found, image: int) -> NDArray[np.bool_]:
-        """Which faces to believe that nothing is known of."""
-        fine = self._detector.convincing(found)
-        if self._believable is not None and fine.any():
-            fine[fine] = self._believable(image, found[fine])
+        new = np.flatnonzero(new)
+        new = new[self._detector.convincing(found[new])]
+        if self._believable is not None and new.size:
+            new = new[self._believable(image, found[new])]
+        fine[new] = True
         return fine
 
     def _remember(self, new: Found, way: Floats) -> None:

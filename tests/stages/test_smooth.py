@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pytest
 
+from ecat.geometry.smoothing import Smoothness, smooth_track
 from ecat.geometry.transforms import (
     Floats,
     Rigid,
@@ -173,3 +175,44 @@ def test_nothing_is_bridged_where_the_camera_was_moved_and_nothing_ties(generate
     assert apart["frame"].equals(poses["frame"])
     tied = pa.Table.from_pylist([row | {"tie": "boxes"} for row in rows], schema=plane.schema)
     assert smooth_poses(poses, table_plane=tied).equals(smooth_poses(poses))
+
+
+def test_a_long_recording_is_smoothed_in_windows_as_if_it_were_smoothed_at_once(
+    generated: Generated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To within a thousandth of the stated sigma, with a gap at a seam."""
+    poses = poses_of(generated(1500), range(995, 1005))
+    whole = smooth_poses(poses)
+    at_once: list[int] = []
+
+    def counted(
+        t_s: Floats, values: Floats, covariance: Floats, smoothness: Smoothness
+    ) -> tuple[Floats, Floats]:
+        at_once.append(len(t_s))
+        return smooth_track(t_s, values, covariance, smoothness)
+
+    monkeypatch.setattr("ecat.stages.smooth.smooth_track", counted)
+    monkeypatch.setattr("ecat.stages.smooth._WINDOW", 100)
+    monkeypatch.setattr("ecat.stages.smooth._MARGIN_S", 3.0)
+    parts = smooth_poses(poses)
+    assert len(at_once) == 2 * 15
+    assert max(at_once) <= 100 + 2 * 91
+    for name in ("frame", "t_ns", "object_id", "source", "support", "n_faces"):
+        assert parts[name].to_pylist() == whole[name].to_pylist()
+    sigma = np.asarray(whole["sigma_m"].to_numpy(zero_copy_only=False), float)
+    assert (np.linalg.norm(place(parts) - place(whole), axis=1) < 1e-3 * sigma).all()
+    turns = [np.stack([p[q].to_numpy() for q in TURN], -1) for p in (parts, whole)]
+    assert (quaternion_angle(*turns) < 1e-3 * whole["sigma_rad"].to_numpy()).all()
+    np.testing.assert_allclose(pose_covariances(parts), pose_covariances(whole), rtol=1e-3, atol=1e-12)
+
+
+def test_every_frame_of_every_object_comes_once_out_of_the_windows(
+    generated: Generated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = poses_of(generated(130)).to_pylist()
+    rows = [row | {"object_id": name} for row in one for name in ("a", "b")]
+    poses = pa.Table.from_pylist(rows, schema=poses_of(generated(1)).schema)
+    monkeypatch.setattr("ecat.stages.smooth._WINDOW", 30)
+    smoothed = smooth_poses(poses)
+    for name in ("frame", "object_id"):
+        assert smoothed[name].to_pylist() == poses[name].to_pylist()

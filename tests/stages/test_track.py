@@ -117,6 +117,19 @@ def test_following_finds_what_searching_every_image_finds() -> None:
         assert np.abs(a.rings[order[0]] - b.rings[order[1]]).max(initial=0) < 0.15
 
 
+@pytest.mark.parametrize("width", [11, 12, 13, 14])
+def test_a_face_seen_from_the_side_is_found_as_a_search_finds_it(width: int) -> None:
+    """Its far edge, and the edges of its cells, are only a few pixels from the near one."""
+    image = wall(np.random.default_rng(0), (360, 480))
+    ring = np.array([[240.0, 150], [240 + width, 158], [240 + width, 218], [240, 210]])
+    paint(image, SHELL.faces[0].code, ring)
+    images = [exposed(image, np.random.default_rng(i), blur_px=0.5) for i in range(1, 8)]
+    detector = Detector(BOXES)
+    searched = [detector.search(grey) for grey in images]
+    assert len(searched[0]) == 1
+    assert faces_of(searched) <= faces_of(list(Tracker(detector, PARAMETERS).follow(images)))
+
+
 def test_the_image_is_searched_in_full_only_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(2)
     detector = Detector(BOXES, CAMERA)
