@@ -404,7 +404,7 @@ def _what_is_looked_for(parameters: TrackParameters) -> TrackParameters:
 
 TRACK = Stage(
     name="track",
-    version=2,
+    version=3,
     inputs=(),
     images=("color", "depth"),
     outputs=("markers_2d",),

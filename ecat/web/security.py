@@ -46,6 +46,12 @@ _HEADERS = {
     "cross-origin-resource-policy": "same-origin",
 }
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+_CLOSED = """<!doctype html><html lang="en"><meta charset="utf-8"><title>ecat</title>
+<h1>This address does not open anything any more</h1>
+<p>An address of <code>ecat annotate</code> lets one browser in, once, and as long as the server runs that
+printed it.</p>
+<p>Open the newest address that it printed, or start it again: <code>ecat annotate PATH</code>. What was
+shown as saved is saved.</p>"""
 _REFRESH = b'<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>ecat</title>'
 
 
@@ -61,6 +67,7 @@ class Access:
     def __init__(self, bound: str = "127.0.0.1", place: object = "") -> None:
         self._tokens: set[bytes] = set()
         self._keys: set[bytes] = set()
+        self._first: bytes | None = None
         self._names = _LOOPBACK | {bound.lower()}
         # listening everywhere, it is called by any of the machine's addresses, none of which can be rebound
         self._any_address = _is_unspecified(bound)
@@ -85,6 +92,7 @@ class Access:
         self._tokens.discard(digest)
         key = secrets.token_urlsafe(32)
         self._keys.add(_digest(key))
+        self._first = self._first or _digest(key)
         self.on_entry()
         return key
 
@@ -102,11 +110,20 @@ class Access:
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             return self.is_key(bearer.strip())
+        digest = self._digest_of_cookie(headers)
+        return digest is not None and digest in self._keys
+
+    def is_first(self, headers: Mapping[str, str]) -> bool:
+        """Whether a request comes from the first browser that was let in: whoever started the server, most likely."""
+        digest = self._digest_of_cookie(headers)
+        return digest is not None and digest == self._first
+
+    def _digest_of_cookie(self, headers: Mapping[str, str]) -> bytes | None:
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
         except CookieError:
-            return False
-        return cookie is not None and _digest(cookie.value) in self._keys
+            return None
+        return None if cookie is None else _digest(cookie.value)
 
     def is_called(self, host: str) -> bool:
         """Whether ``host`` of a request, without its port, is a name of this server."""
@@ -191,6 +208,8 @@ class Guard:
             )
         if self._access.admits(headers):
             return None
+        if path == "/" and scope["type"] == "http":
+            return _closed_door()
         return _refused(
             what,
             "neither a cookie of this server nor its token",
@@ -200,11 +219,7 @@ class Guard:
     def _entered(self, token: str, headers: Mapping[str, str]) -> Response:
         key = self._access.exchange(token)
         if key is None and not self._access.admits(headers):
-            return _refused(
-                "cannot use this address",
-                "the token is not known, or was used before",
-                "ecat annotate prints a new one",
-            )
+            return _closed_door()
         # a link on another site's page: a redirect would still count as that site's, and go without the cookie
         foreign = headers.get("sec-fetch-site", "none") in {"cross-site", "same-site"}
         answer = (
@@ -217,6 +232,11 @@ class Guard:
                 self._access.cookie, key, max_age=COOKIE_AGE_S, path="/", httponly=True, samesite="strict"
             )
         return answer
+
+
+def _closed_door() -> Response:
+    """What a person sees who has no key: a page, not data."""
+    return Response(_CLOSED, 403, media_type="text/html; charset=utf-8")
 
 
 def _refused(what: str, where: str, fix: str) -> Response:

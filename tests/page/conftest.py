@@ -99,11 +99,16 @@ def running(blank_once: Path, tmp_path_factory: pytest.TempPathFactory) -> Gener
     folder = tmp_path_factory.mktemp("served")
     shutil.copytree(blank_once, folder / "first")
     command = [sys.executable, "-m", "ecat", "annotate", str(folder), "--no-browser", "--json", "--port", "0"]
-    with subprocess.Popen(
-        [*command, "--author", "ann"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
+    # what nobody reads would fill a pipe, and stop the server
+    log = tmp_path_factory.mktemp("log") / "stderr.txt"
+    with (
+        log.open("w") as stderr,
+        subprocess.Popen(
+            [*command, "--author", "ann"], text=True, stdout=subprocess.PIPE, stderr=stderr
+        ) as process,
+    ):
         try:
-            told = _first_json(process)
+            told = _first_json(process, log)
             yield Running(folder, told["address"], told["token"])
             process.send_signal(signal.SIGINT)
             assert process.wait(30) == 0
@@ -111,15 +116,14 @@ def running(blank_once: Path, tmp_path_factory: pytest.TempPathFactory) -> Gener
             process.kill()
 
 
-def _first_json(process: subprocess.Popen[str]) -> dict[str, Any]:
+def _first_json(process: subprocess.Popen[str], log: Path) -> dict[str, Any]:
     assert process.stdout is not None
-    assert process.stderr is not None
     text = ""
     for line in process.stdout:
         text += line
         with suppress(ValueError):
             return cast("dict[str, Any]", json.loads(text))
-    pytest.fail(f"ecat annotate ended: {process.stderr.read()}")
+    pytest.fail(f"ecat annotate ended: {log.read_text()}")
 
 
 @pytest.fixture
@@ -190,12 +194,11 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
         def open_(served: Served, *, author: str | None = None, **options: Any) -> Window:
             context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
             stack.callback(context.close)
-            if author is not None:
-                # a name that was chosen counts as long as the server suggests the same one as then
-                settings = json.dumps({"author": author, "suggested": "ann"})
-                context.add_init_script(
-                    f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})"
-                )
+            # a name that was chosen counts as long as the server suggests the same one as then: nobody, to most
+            settings = json.dumps({"author": author or "ann", "suggested": ""})
+            context.add_init_script(
+                f"localStorage.getItem('ecat.settings') ?? localStorage.setItem('ecat.settings', {settings!r})"
+            )
             page = context.new_page()
             made = Window(page, [])
             page.on("pageerror", lambda error: made.complaints.append(str(error)))

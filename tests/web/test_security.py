@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import httpx
@@ -27,6 +28,11 @@ def stranger(served: Server) -> Iterator[httpx.Client]:
 
 def refused(answer: httpx.Response, status: int = 403) -> None:
     assert answer.status_code == status, answer.text
+    if answer.headers["content-type"].startswith("text/html"):
+        # what a person sees who opens an old address
+        assert answer.request.url.path == "/"
+        assert "ecat annotate" in answer.text
+        return
     assert set(answer.json()["error"]) >= {"kind", "what", "where", "consequence", "fix"}
 
 
@@ -200,3 +206,13 @@ def test_tokens_that_nobody_uses_do_not_pile_up() -> None:
         last = access.invite()
     assert access.exchange(first) is None
     assert access.exchange(last) is not None
+
+
+def test_only_the_first_browser_is_taken_for_whoever_started_the_server(project: Path) -> None:
+    with Server(project, port=0, author="ann").running() as server:
+        suggested: list[str] = []
+        for _ in range(2):
+            with httpx.Client(base_url=server.address, timeout=30.0) as browser:
+                assert browser.get(server.url()).status_code == 303
+                suggested.append(browser.get(PROJECT).json()["author"])
+    assert suggested == ["ann", ""]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def test_the_project_lists_every_session_with_what_is_in_it(reader: Browser) -> None:
     project = reader.json("/api/project")
-    assert (project["name"], project["author"], project["layer"]) == ("a study", "ann", "main")
+    assert (project["name"], project["layer"]) == ("a study", "main")
     (_, slide) = sorted(project["sessions"], key=lambda s: s["id"] == "slide")
     assert slide["name"] == "slide"
     assert slide["n_frames"] == 180

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from ecat.annotate import scheme_names
 from ecat.store.media import annotated_stream
@@ -20,9 +20,10 @@ router = APIRouter(prefix="/api", tags=["sessions"])
 
 
 @router.get("/project", response_model=ProjectShape)
-def project(site: TheSite) -> Response:
-    """The project and its sessions."""
-    return json_answer({**site.library.describe(), "author": site.author, "layer": site.layer})
+def project(site: TheSite, request: Request) -> Response:
+    """The project and its sessions; the author is suggested to the first browser only: others say who they are."""
+    author = site.author if site.access.is_first(request.headers) else ""
+    return json_answer({**site.library.describe(), "author": author, "layer": site.layer})
 
 
 @router.post("/invitations", response_model=Invitation)
