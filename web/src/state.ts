@@ -383,10 +383,10 @@ export class App extends Emitter {
     if (message === null) return;
     if (message.type === "record") {
       const layer = this.layers.get(message.layer);
+      // What this page did itself it knows from the answer, which also says what can be undone now.
+      const news = layer !== undefined && message.record.revision > layer.revision;
       this.receive(message.layer, message.record);
-      if (layer !== undefined && message.record.author === this.settings.author && this.pending === 0) {
-        layer.canUndo = true;
-      }
+      if (news && message.record.author === this.settings.author && this.pending === 0) layer.canUndo = true;
     } else if (message.type === "hello") {
       this.me = message.id;
       // What was missed while the connection was down.
