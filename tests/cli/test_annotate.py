@@ -66,9 +66,12 @@ def test_what_was_acknowledged_survives_being_killed(session: Path) -> None:
 
 
 def test_the_page_is_told_who_annotates_which_layer(session: Path) -> None:
-    with annotating(session, "--author", "ben", "--layer", "second") as (_, said):
-        headers = {"authorization": f"Bearer {said['token']}"}
-        project = httpx.get(f"{said['address']}/api/project", headers=headers, timeout=30).json()
+    with (
+        annotating(session, "--author", "ben", "--layer", "second") as (_, said),
+        httpx.Client(base_url=said["address"], timeout=30) as browser,
+    ):
+        assert browser.get(f"/?token={said['token']}").status_code == 303
+        project = browser.get("/api/project").json()
     assert (project["author"], project["layer"]) == ("ben", "second")
 
 

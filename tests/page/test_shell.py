@@ -70,7 +70,7 @@ def test_the_help_names_every_shortcut_and_every_label(annotating: Any) -> None:
     ):
         assert label in text
     annotating.press("Escape")
-    assert annotating.find("help").count() == 0
+    annotating.find("help").wait_for(state="detached")
 
 
 def test_a_button_pressed_with_the_mouse_does_not_keep_the_space_bar(annotating: Any) -> None:

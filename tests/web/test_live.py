@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Coroutine, Generator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from tests.web.conftest import Browser
 
 WITHIN_S = 10.0
+T = TypeVar("T")
 
 
 @contextmanager
@@ -209,6 +211,12 @@ def test_the_end_of_the_server_is_told(project: Path) -> None:
     assert closed.value.rcvd.code == 1012
 
 
+def in_a_loop_of_its_own(work: Coroutine[Any, Any, T]) -> T:
+    """What the coroutine returns; whoever ran before in this thread may have left a loop running."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, work).result()
+
+
 def test_a_page_that_does_not_read_is_let_go_of() -> None:
     async def run() -> None:
         hub = Hub()
@@ -218,7 +226,7 @@ def test_a_page_that_does_not_read_is_let_go_of() -> None:
         assert len(hub) == 0
         assert slow.messages.get_nowait() is None
 
-    asyncio.run(run())
+    in_a_loop_of_its_own(run())
 
 
 def test_cursors_are_told_together_not_each() -> None:
@@ -230,4 +238,4 @@ def test_cursors_are_told_together_not_each() -> None:
         await asyncio.sleep(0.3)
         return person.messages.qsize()
 
-    assert asyncio.run(run()) == 1
+    assert in_a_loop_of_its_own(run()) == 1
