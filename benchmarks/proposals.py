@@ -24,8 +24,8 @@ import pyarrow as pa
 from scipy.optimize import linear_sum_assignment
 
 from ecat.formats import import_source
+from ecat.model.annotation import MACHINE
 from ecat.process import calibrate, process_session
-from ecat.process.proposals import LAYER
 from ecat.sample import ACTIONS, sample_session
 from ecat.sample.truth import GroundTruth
 from ecat.sample.truth_tables import ground_truth_tables
@@ -258,7 +258,7 @@ def real(shared: Path, folder: Path) -> None:
                 e["end_frame"],
             )
             for e in session.events.to_arrow().to_pylist()
-            if e["layer"] != LAYER
+            if e["layer"] != MACHINE
         ]
         events = [e for e in from_session(session) if e["parent"] is None]
         kind = path.parent.name.removeprefix("Slide").lower()

@@ -7,12 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ecat.model import Event, Layer, Relation, Segment
-from ecat.model.annotation import Decision
+from ecat.model.annotation import MACHINE, Decision
 from ecat.model.holding import ALWAYS, intervals, presence
 from ecat.store import Session
 from ecat.store.schemes import scheme_or_default
-
-MACHINE = "machine"
 
 
 def default_author() -> str:

@@ -32,6 +32,13 @@ layer_option = click.option(
 author_option = click.option(
     "--author", envvar="ECAT_AUTHOR", help="Who edits; by default $ECAT_AUTHOR, or who is logged in."
 )
+steps_option = click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many edits; fewer if there are no more.",
+)
 
 
 def edits(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., Fields | list[Fields]]], Verb]:

@@ -26,6 +26,8 @@ from typing import Any, Literal
 
 ObjectKind = Literal["rectangle", "polygon", "marker_box", "rig", "point", "other"]
 Origin = Literal["manual", "tracked", "provided"]
+MACHINE = "machine"
+"""The layer of what is proposed, which no person edits."""
 Status = Literal["proposed", "confirmed"]
 Interpolation = Literal["linear", "hold"]
 Verdict = Literal["accepted", "rejected"]

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from ecat.errors import EcatError, InputError, UsageError
 from ecat.model import TableRecord
+from ecat.model.annotation import MACHINE
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.process.inputs import (
     CLOCK,
@@ -31,7 +32,7 @@ from ecat.process.inputs import (
     table_surface,
     was_tracked,
 )
-from ecat.process.proposals import LAYER, PROPOSED, decisions, proposed_layer
+from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recording_of
 from ecat.progress import Progress, silent
 from ecat.store import Commit, Session, TableData, open_session
@@ -281,7 +282,7 @@ class _Run:
         """Renew the layer of proposals, unless a person has decided about some of them."""
         if decided := decisions(self._session):
             self.findings.append(
-                f"people have decided about {decided} of the proposals in layer {LAYER}, and it was left as it is; "
+                f"people have decided about {decided} of the proposals in layer {MACHINE}, and it was left as it is; "
                 "take the decisions back (ecat log, ecat restore) to see new ones"
             )
         else:

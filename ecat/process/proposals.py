@@ -10,14 +10,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ecat.model import AnnotatedObject, Event, Layer, Property, Relation, Role, Segment
-from ecat.model.annotation import Argument, TextPredicate, TextReference, with_relation_ids
+from ecat.model.annotation import MACHINE, Argument, TextPredicate, TextReference, with_relation_ids
 from ecat.model.prototype import BoxPrototype
 from ecat.process.inputs import annotated_objects, box_objects
 from ecat.stages.propose import PROPOSE
 from ecat.stages.relations import RELATIONS
 from ecat.store import Session
 
-LAYER = "machine"
 PROPOSED = {"markers_2d", "relation_proposals", "event_proposals"}
 """Tables that the layer is made of."""
 _ACTION, _PART = "event", "sub-event"
@@ -55,7 +54,7 @@ def machine_layer(
         for name in sorted(named)
     )
     made = Layer(
-        name=LAYER, object_counter=len(kept), event_counter=len(events), objects=kept, events=events,
+        name=MACHINE, object_counter=len(kept), event_counter=len(events), objects=kept, events=events,
         relations=relations,
     )  # fmt: skip
     return with_relation_ids(made)
@@ -154,15 +153,17 @@ def decisions(session: Session) -> int:
     """How many events and relations of the layer ``machine`` are no longer mere proposals: people accepted or rejected
     them in layers of their own, or they were confirmed in place.
     """
-    if session.manifest.layer(LAYER) is None:
+    if session.manifest.layer(MACHINE) is None:
         return 0
-    proposed = session.layer(LAYER)
+    proposed = session.layer(MACHINE)
     decided = {
-        f"{LAYER}/{item.id}" for item in (*proposed.events, *proposed.relations) if item.status != "proposed"
+        f"{MACHINE}/{item.id}"
+        for item in (*proposed.events, *proposed.relations)
+        if item.status != "proposed"
     }
     for record in session.manifest.layers:
         decided |= {decision.proposal for decision in session.layer(record.name).decisions}
-    return sum(proposal.startswith(f"{LAYER}/") for proposal in decided)
+    return sum(proposal.startswith(f"{MACHINE}/") for proposal in decided)
 
 
 def proposed_layer(

@@ -16,6 +16,7 @@ from ecat.geometry.boxes import corner_order, match_codes, square_poses
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.depth import DepthCamera, RangeNoise
 from ecat.geometry.faceplanes import FaceFit, fit_faces
+from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import Images, ImagesByKind
@@ -187,10 +188,7 @@ def _nearest(markers_2d: pa.Table, rows: NDArray[Any], depth: Images, max_gap_s:
     name, there, gap = ("t_ns", depth.t_ns, max_gap_s * 1e9) if timed else ("frame", depth.frame, 0)
     there = np.asarray(there, np.int64)
     when = markers_2d[name].to_numpy()[rows].astype(np.int64)
-    after = np.clip(np.searchsorted(there, when), 0, len(there) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(there[before] - when) <= np.abs(there[after] - when), before, after)
-    return np.where(np.abs(there[nearest] - when) <= gap, nearest, -1)
+    return nearest_in_time(there, when, within=gap)
 
 
 def _table(markers_2d: pa.Table, rows: NDArray[Any], fit: FaceFit, min_points: int) -> pa.Table:

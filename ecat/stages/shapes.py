@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ecat.geometry.cameras import Camera
 from ecat.geometry.depth import DepthCamera, color_pixels, depth_at
 from ecat.geometry.follow import Followed, Follower, FollowParameters, Gray, Ranges
+from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.transforms import Floats
 from ecat.stages.images import Images
 
@@ -117,11 +118,7 @@ def partners(color: Images, depth: Images | None) -> NDArray[np.int64]:
         when, there, most = np.asarray(color.t_ns), np.asarray(depth.t_ns), SAME_MOMENT_NS
     else:
         when, there, most = np.asarray(color.frame), np.asarray(depth.frame), 0
-    after = np.clip(np.searchsorted(there, when), 1, max(len(there) - 1, 1))
-    after = np.minimum(after, len(there) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(there[before] - when) <= np.abs(there[after] - when), before, after)
-    return np.where(np.abs(there[nearest] - when) <= most, nearest, none)
+    return nearest_in_time(there, when, within=most)
 
 
 # ---------------------------------------------------------------------------------------- there and back

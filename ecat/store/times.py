@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.errors import NotFoundError
 from ecat.model import Stream
 from ecat.store import Session
 from ecat.store.media import annotated_stream
+from ecat.store.media.images import times_of_stream
 
 
 def image_times_s(session: Session, stream: Stream) -> NDArray[np.float64]:
@@ -56,9 +55,4 @@ def median_rate_hz(times_s: NDArray[np.float64]) -> float | None:
 def _recorded_ns(session: Session, name: str) -> NDArray[np.int64] | None:
     if not session.has_table("frames"):
         return None
-    rows = session.table("frames").to_arrow()
-    mine = rows.filter(pc.equal(rows["stream"].cast(pa.string()), pa.scalar(name)))
-    if not mine.num_rows:
-        return None
-    order = np.argsort(np.asarray(mine["frame"]), kind="stable")
-    return np.asarray(mine["t_ns"])[order]
+    return times_of_stream(session.table("frames").to_arrow(), name)

@@ -14,8 +14,8 @@ from urllib.parse import quote
 from ecat.annotate import find_scheme, scheme_names
 from ecat.errors import EcatError, NotFoundError
 from ecat.model import Stream
+from ecat.model.annotation import MACHINE
 from ecat.model.scheme import BUILT_IN_SCHEMES
-from ecat.process.proposals import LAYER as MACHINE
 from ecat.store import Session, open_session
 from ecat.store.media import annotated_stream
 from ecat.store.times import count_images, image_times_s, median_rate_hz

@@ -12,7 +12,7 @@ from fastapi import Depends
 from fastapi.requests import HTTPConnection
 
 from ecat.errors import EcatError, UsageError
-from ecat.process.proposals import LAYER as MACHINE
+from ecat.model.annotation import MACHINE
 from ecat.web.exact import ExactImages
 from ecat.web.layers import SharedLayer
 from ecat.web.library import Library

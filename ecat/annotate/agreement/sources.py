@@ -12,13 +12,12 @@ from ecat.annotate.agreement.compare import Agreement
 from ecat.annotate.agreement.objects import match_objects
 from ecat.errors import EcatError, NotFoundError, UsageError
 from ecat.model import Layer
+from ecat.model.annotation import MACHINE
 from ecat.progress import Progress, silent
 from ecat.store import Session, find_sessions, open_session
 
 Elsewhere: TypeAlias = dict[tuple[int, int], dict[str, str]]
 """By the places of two raters: objects of the one, as ``<session>/<object id>``, and what the other calls them."""
-MACHINE = "machine"
-"""The layer of proposals, which is not a rater unless it is named."""
 
 
 @dataclass(frozen=True, slots=True)

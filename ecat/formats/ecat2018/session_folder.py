@@ -28,6 +28,7 @@ from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
 from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.records import camera_record
 from ecat.model import Camera, Layer, Manifest, Provenance, Stream
+from ecat.model.annotation import MACHINE
 from ecat.store import Draft, Session, TableData, write_new_file
 from ecat.store.files import sha256_of
 from ecat.store.manifest import is_inside, is_utf8
@@ -303,7 +304,7 @@ def write_session(session: Session, folder: Path, findings: list[str]) -> None:
     """Write the session's files into ``folder``, an existing folder that is being made."""
     manifest = session.manifest
     names = [record.name for record in manifest.layers]
-    people = [name for name in names if name != "machine"]
+    people = [name for name in names if name != MACHINE]
     chosen = "main" if "main" in names else next(iter(people), "")
     layer = session.layer(chosen) if chosen else Layer()
     extra = [name for name in names if name != chosen]

@@ -5,7 +5,7 @@ Nothing here holds more than a few images at a time, and PyAV (FFmpeg) is import
 
 from __future__ import annotations
 
-from ecat.store.media.images import MILLIMETRE, StreamImages, annotated_stream, nearest, open_images
+from ecat.store.media.images import MILLIMETRE, StreamImages, annotated_stream, open_images
 from ecat.store.media.writers import ColorWriter, DepthWriter, remux
 
 __all__ = [
@@ -14,7 +14,6 @@ __all__ = [
     "DepthWriter",
     "StreamImages",
     "annotated_stream",
-    "nearest",
     "open_images",
     "remux",
 ]

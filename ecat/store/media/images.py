@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.errors import CorruptError, FormatError, NotFoundError, UsageError
+from ecat.geometry.nearest import nearest_in_time
 from ecat.model import Manifest, Stream
 from ecat.store.media.dep import DepthFile
 from ecat.store.media.sources import DepthFileImages, Source, VideoImages
@@ -94,7 +95,7 @@ class StreamImages(AbstractContextManager["StreamImages"]):
         mine, its = self.t_ns, self._times(video, n_frames)
         if mine is None or its is None or not len(its):
             return np.arange(n) * n_frames // max(n, 1)
-        return nearest(its, mine)
+        return nearest_in_time(its, mine)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         """All images, in order.
@@ -173,27 +174,26 @@ def annotated_stream(manifest: Manifest) -> Stream | None:
     return None
 
 
-def nearest(times: NDArray[np.int64], asked: NDArray[np.int64]) -> NDArray[np.int64]:
-    """For each time ``asked`` (m,), the nearest of the ascending ``times`` (n,), n > 0, by its position."""
-    after = np.clip(np.searchsorted(times, asked), 1, max(len(times) - 1, 1))
-    if len(times) == 1:
-        return np.zeros(len(asked), np.int64)
-    return np.where(asked - times[after - 1] <= times[after] - asked, after - 1, after)
-
-
 def _recorded_times(session: Session) -> dict[str, NDArray[np.int64]]:
     """The times of every stream in the table ``frames``, in the order of its images."""
     if not session.has_table("frames"):
         return {}
     rows = session.table("frames").to_arrow()
-    names = rows["stream"].cast(pa.string())
     found: dict[str, NDArray[np.int64]] = {}
     for stream in session.manifest.streams:
-        mine = rows.filter(pc.equal(names, pa.scalar(stream.name)))
-        if mine.num_rows:
-            order = np.argsort(np.asarray(mine["frame"]), kind="stable")
-            found[stream.name] = np.asarray(mine["t_ns"])[order]
+        times = times_of_stream(rows, stream.name)
+        if times is not None:
+            found[stream.name] = times
     return found
+
+
+def times_of_stream(rows: pa.Table, name: str) -> NDArray[np.int64] | None:
+    """The times (n,) of a stream in rows of the table ``frames``, in the order of its images; None without any."""
+    mine = rows.filter(pc.equal(rows["stream"].cast(pa.string()), pa.scalar(name)))
+    if not mine.num_rows:
+        return None
+    order = np.argsort(np.asarray(mine["frame"]), kind="stable")
+    return np.asarray(mine["t_ns"])[order]
 
 
 def open_images(session: Session, stream_name: str, *, gray: bool = False, threads: int = 1) -> StreamImages:

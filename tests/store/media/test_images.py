@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 from ecat.errors import CorruptError, NotFoundError, UsageError
 from ecat.formats.ecat2018.depth_file import write_depth_file
 from ecat.geometry.cameras import KINECT_V2_COLOR
+from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.records import camera_record
 from ecat.model import Stream
 from ecat.stages.images import Images
 from ecat.store import Session
-from ecat.store.media import nearest, open_images
+from ecat.store.media import open_images
 from ecat.store.media.container import Packets
 from ecat.store.media.sources import runs
 from tests.store.media.clips import (
@@ -181,7 +182,7 @@ def test_without_a_clock_images_are_spread_over_the_video(tmp_path: Path) -> Non
 @given(st.lists(st.integers(0, 1000), min_size=1, unique=True), st.lists(st.integers(-50, 1100)))
 def test_nearest_is_nearest(times: list[int], asked: list[int]) -> None:
     known = np.sort(np.array(times, np.int64))
-    found = nearest(known, np.array(asked, np.int64))
+    found = nearest_in_time(known, np.array(asked, np.int64))
     distance = np.abs(known[None, :] - np.array(asked, np.int64).reshape(-1, 1))
     assert (np.abs(known[found] - asked) == distance.min(axis=1, initial=10**9)).all()
 
