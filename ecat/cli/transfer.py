@@ -28,13 +28,35 @@ def keep_apart(source: Path, dest: Path) -> None:
         )
 
 
+def named_values(options: tuple[str, ...]) -> dict[str, str]:
+    """What was given as ``name=value``; of two values for a name, the last counts.
+
+    Raises
+    ------
+    UsageError : one without ``=``.
+    """
+    for option in options:
+        if "=" not in option:
+            raise UsageError(
+                f"cannot understand --option {option}",
+                where="expected NAME=VALUE",
+                fix="--option fps=15",
+            )
+    return {name.strip(): value for name, _, value in (option.partition("=") for option in options)}
+
+
 def tell(out: Output, done: str, report: ImportReport | ExportReport) -> None:
-    """Say what was ``done`` ("imported"), and every finding on a line of its own."""
+    """Say what was ``done`` ("imported"), and every finding and failure on a line of its own."""
     head = f"{done} {count(report.sessions, 'session')} ({report.format}) to {report.path}"
+    failures = getattr(report, "failures", ())
     data = {
         "path": str(report.path),
         "format": report.format,
         "sessions": report.sessions,
         "findings": list(report.findings),
+        "failures": [{"path": str(path), "error": error.to_dict()} for path, error in failures],
     }
-    out.result(data, "\n  ".join((head, *report.findings)))
+    lines = ["\n  ".join((head, *report.findings)), *(f"{path}: {error}" for path, error in failures)]
+    if failures:
+        lines.append(f"{count(report.sessions, 'session')} {done}, {len(failures):,} failed")
+    out.result(data, "\n".join(lines), ok=not failures)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from ecat.errors import UsageError
-from ecat.formats import registry
-from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport, SideFile
+from ecat.formats import exporting, registry
+from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport, Part, SideFile
+from ecat.formats.options import read_options
 from ecat.progress import Progress, silent
 from ecat.store.manifest import require_utf8
 
@@ -15,6 +17,7 @@ __all__ = [
     "Format",
     "ImportOptions",
     "ImportReport",
+    "Part",
     "SideFile",
     "export",
     "import_source",
@@ -57,18 +60,29 @@ def export(
     dest: Path,
     *,
     format: str,  # noqa: A002  (the name of the option)
+    options: Mapping[str, str] | None = None,
     progress: Progress = silent,
 ) -> ExportReport:
     """Write the session, project or workspace at ``path`` in a foreign format.
 
+    What stops one session of several does not stop the others: it is among the ``failures`` of the report.
+
+    Parameters
+    ----------
+    options : of the format, as texts (:mod:`ecat.formats.options`).
+
     Raises
     ------
-    UsageError : unknown format, or one that is only read.
+    UsageError : unknown format, or one that is only read; an option that the format does not have.
     StoreError : ``path`` is no session, or ``dest`` is taken or cannot be written; nothing is left there.
     """
+    path, dest = Path(path), Path(dest)
     chosen = registry.find(format)
+    chosen_options = read_options(chosen.options, options or {}, chosen.name)
+    if chosen.part is not None:
+        return exporting.write(path, dest, chosen, chosen_options, progress)
     if chosen.write is None:
         raise UsageError(
             f"cannot export {path}", where=f"{chosen.name} is only read, not written", fix="ecat formats"
         )
-    return chosen.write(Path(path), Path(dest), progress)
+    return chosen.write(path, dest, progress)

@@ -190,6 +190,38 @@ def make_folder(path: Path) -> None:
         path.mkdir()
 
 
+def make_folders(path: Path) -> None:
+    """Make a folder, and those around it that are not there."""
+    for folder in reversed([path, *path.parents]):
+        make_folder(folder)
+
+
+def sync_tree(path: Path) -> None:
+    """:func:`sync` a file, or a folder with all that is in it."""
+    if not path.is_dir():
+        return sync(path)
+    inside = list(path.rglob("*"))
+    sync_all([inner for inner in inside if not inner.is_symlink() and inner.is_file()])
+    sync_all([inner for inner in inside if not inner.is_symlink() and inner.is_dir()])
+    return sync(path)
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make ``target``, which is not there, the same file or folder as ``source``; without a copy if the disk can."""
+    step("write", target)
+    if source.is_dir():
+        shutil.copytree(source, target, copy_function=_link_or_copy)
+    else:
+        _link_or_copy(source, target)
+
+
+def _link_or_copy(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
 def open_journal(path: Path) -> BinaryIO:
     """Open a file for reading and appending; it is made if it is not there."""
     step("write", path)

@@ -55,6 +55,52 @@ def staged_folder(dest: Path) -> Generator[Path]:
         raise
 
 
+@contextmanager
+def staged_path(dest: Path) -> Generator[Path]:
+    """A path where nothing is yet; the file or folder that the block makes there appears as ``dest``, complete and
+    durable, when it ends; or nothing does.
+
+    Raises
+    ------
+    ExistsError : ``dest`` is there and is not an empty folder; or it is inside of a session.
+    """
+    what, consequence = f"cannot write {dest.name}", f"nothing was written to {dest}"
+    place = Path(dest).resolve()
+    staging = place.with_name(f".{place.name}.{secrets.token_hex(8)}.partial")
+    made: list[Path] = []
+    try:
+        with files.typed_errors(what, dest, consequence):
+            keep_out_of_sessions(what, dest)
+            _must_be_free(place, dest)
+            _make_parents(place.parent, made)
+            yield staging
+            files.sync_tree(staging)
+            if place.is_dir() and not staging.is_dir():
+                place.rmdir()
+            _appear(staging, place, dest)
+        with files.typed_errors(what, dest, f"{dest} is there, but may not survive a power failure"):
+            for folder in (place.parent, *(folder.parent for folder in made)):
+                files.sync(folder)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            files.remove(staging)
+        with contextlib.suppress(OSError):
+            for folder in made:
+                folder.rmdir()
+        raise
+
+
+def refuse_taken(dest: Path) -> None:
+    """Return if something may be made at ``dest``, before anything long is begun.
+
+    Raises
+    ------
+    ExistsError : it is there and is not an empty folder; or it is inside of a session.
+    """
+    keep_out_of_sessions(f"cannot write {dest.name}", dest)
+    _must_be_free(dest.resolve(), dest)
+
+
 def _must_be_free(place: Path, dest: Path) -> None:
     refuse_dangling(f"cannot create {dest.name}", dest)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):

@@ -12,6 +12,7 @@ import pytest
 from ecat.errors import DiskError, ExistsError, LockedError, ReadOnlyError
 from ecat.store import create_session, leftovers, remove_leftovers, staged_folder
 from ecat.store.lock import locked
+from ecat.store.staging import staged_path
 from tests.store.conftest import Steps
 from tests.store.sessions import draft, make, number_at
 
@@ -114,3 +115,42 @@ def test_a_name_too_long_leaves_no_parents(tmp_path: Path) -> None:
 def test_a_session_is_locked_while_it_is_being_created(tmp_path: Path) -> None:
     with staged_folder(tmp_path / "new") as staging, pytest.raises(LockedError), locked(staging):
         pytest.fail("two writers at once")
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_a_path_becomes_whatever_the_block_made(tmp_path: Path, kind: str) -> None:
+    dest = tmp_path / "a" / "new"
+    with staged_path(dest) as staging:
+        assert not staging.exists()
+        if kind == "file":
+            staging.write_text("content")
+        else:
+            (staging / "inner").mkdir(parents=True)
+            (staging / "inner" / "file").write_text("content")
+        assert not dest.exists()
+    assert (dest if kind == "file" else dest / "inner" / "file").read_text() == "content"
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["new"]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_a_path_takes_over_an_empty_folder_and_nothing_else(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "empty").mkdir()
+    with staged_path(tmp_path / "empty") as staging:
+        staging.write_text("") if kind == "file" else staging.mkdir()
+    (tmp_path / "taken").write_text("precious")
+    with pytest.raises(ExistsError, match="it was left as it is"), staged_path(tmp_path / "taken"):
+        pass
+    assert (tmp_path / "taken").read_text() == "precious"
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_exception_leaves_nothing_of_a_path(tmp_path: Path, error: type[BaseException]) -> None:
+    def fill(dest: Path) -> None:
+        with staged_path(dest) as staging:
+            staging.mkdir()
+            (staging / "file").write_text("")
+            raise error
+
+    with pytest.raises(error):
+        fill(tmp_path / "a" / "new")
+    assert list(tmp_path.iterdir()) == []
