@@ -44,6 +44,7 @@ VERBS = (
     "restore",
     "survey",
     "agree",
+    "query",
     "export",
     "sample",
     "formats",

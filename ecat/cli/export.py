@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ecat.cli.output import Output
+from ecat.cli.spread import spread_options
 from ecat.cli.transfer import keep_apart, named_values, tell
 from ecat.cli.verb import verb
+
+if TYPE_CHECKING:
+    from ecat.batch import Engine
 
 
 @verb(
@@ -16,7 +21,8 @@ from ecat.cli.verb import verb
     examples=(
         "ecat export my_session poses.parquet --format poses",
         "ecat export my_project out --format ecat-2018",
-        "ecat export my_project dataset --format lerobot --option fps=15",
+        "ecat export my_project dataset --format lerobot --option fps=15 --jobs 8",
+        "ecat export my_project dataset --format lerobot --shard 3/20",
     ),
 )
 @click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
@@ -30,18 +36,40 @@ from ecat.cli.verb import verb
     metavar="NAME=VALUE",
     help="An option of the format; may be repeated.",
 )
-def command(out: Output, path: Path, dest: Path, format_name: str, options: tuple[str, ...]) -> int:
+@spread_options("Write")
+def command(
+    out: Output,
+    path: Path,
+    dest: Path,
+    format_name: str,
+    options: tuple[str, ...],
+    jobs: int | None,
+    shard: str | None,
+    engine: Engine,
+) -> int:
     """Write a session, project or workspace in another format.
 
     `ecat formats` lists the formats, `ecat formats NAME` explains one and its options.  Sessions that cannot be written
-    are named at the end, and the others are written all the same; the exit code is then 1.
+    are named at the end, and the others are written all the same; the exit code is then 1.  After an interruption the
+    same command goes on where it was.
+
+    With `--shard` only a share is made, and put by beside the destination.  When all shares are done, the same command
+    without `--shard` joins them.
     """
-    from ecat import formats
+    from ecat import batch
 
     keep_apart(path, dest)
+    share = None if shard is None else batch.parse_shard(shard)
     with out.progress() as progress:
-        report = formats.export(
-            path, dest, format=format_name, options=named_values(options), progress=progress
+        report = batch.export_sessions(
+            path,
+            dest,
+            format=format_name,
+            options=named_values(options),
+            jobs=jobs,
+            engine=engine,
+            shard=share,
+            progress=progress,
         )
-    tell(out, "exported", report)
+    tell(out, "exported" if share is None else f"exported share {share}:", report)
     return 1 if report.failures else 0

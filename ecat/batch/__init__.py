@@ -1,0 +1,9 @@
+"""Many sessions at once: a session is the unit of work, done here, in other processes, or on other machines."""
+
+from __future__ import annotations
+
+from ecat.batch.engines import Engine, usual_jobs
+from ecat.batch.exporting import export_sessions
+from ecat.batch.shards import Shard, parse_shard
+
+__all__ = ["Engine", "Shard", "export_sessions", "parse_shard", "usual_jobs"]

@@ -1,0 +1,188 @@
+"""Where work is done: in this process, in several beside it, or in a Ray cluster.  The results are the same.
+
+A task is small, picklable data; ``work`` is a function of a module.  Whoever dies while doing a task (out of memory,
+killed) takes nobody else's work along: what was under way beside it is done again, and the task itself is given up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, Literal, TypeVar
+
+from ecat.errors import MissingExtraError, UsageError
+
+Engine = Literal["processes", "ray"]
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+Keep = Callable[[int, _R], None]
+
+FEW = 4
+"""Fewer tasks are done before other processes have started."""
+_WAITING = 2
+"""Tasks handed over for each process, so that none waits and memory does not grow with the number of tasks."""
+
+
+def usual_jobs(n_tasks: int) -> int:
+    """How many processes to use for so many tasks: one for a few, else one for each processor."""
+    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
+    processors = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return 1 if n_tasks < FEW else min(processors, n_tasks)
+
+
+def run(
+    work: Callable[[_T], _R],
+    tasks: Sequence[_T],
+    *,
+    jobs: int,
+    died: Callable[[_T], _R],
+    keep: Callable[[_R], None],
+    engine: Engine = "processes",
+) -> list[_R]:
+    """``work`` of every task, in the order of the tasks.
+
+    Parameters
+    ----------
+    jobs : how many at once. died : the result of a task during which its process died. keep : is given every result
+        as it comes, in this process.
+
+    Raises
+    ------
+    MissingExtraError : Ray is wanted and is not installed.
+    """
+    done: dict[int, _R] = {}
+
+    def note(index: int, result: _R) -> None:
+        done[index] = result
+        keep(result)
+
+    if engine == "ray":
+        _in_ray(work, tasks, jobs, died, note)
+    else:
+        left = dict(enumerate(tasks))
+        while left:
+            suspects = _in_processes(work, left, jobs, note)
+            # when a process dies, those beside it are lost too: each is done by itself, so that the one is named
+            for index in suspects:
+                if _in_processes(work, {index: tasks[index]}, 1, note):
+                    note(index, died(tasks[index]))
+            left = {index: task for index, task in left.items() if index not in done}
+    return [done[index] for index in range(len(tasks))]
+
+
+def _in_processes(work: Callable[[_T], _R], tasks: dict[int, _T], jobs: int, keep: Keep[_R]) -> list[int]:
+    """Hand over the results as they come.  If a process dies, this ends; the answer is what was under way then."""
+    left = iter(tasks.items())
+    under_way: dict[Future[_R], int] = {}
+    with pool(jobs) as processes:
+        try:
+            while True:
+                for index, task in _first(left, jobs * _WAITING - len(under_way)):
+                    under_way[processes.submit(work, task)] = index
+                if not under_way:
+                    return []
+                finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    keep(under_way[future], future.result())
+                    del under_way[future]
+        except BrokenProcessPool:
+            return sorted(under_way.values())
+
+
+def _first(items: Iterator[_T], n: int) -> Iterator[_T]:
+    for _ in range(n):
+        try:
+            yield next(items)
+        except StopIteration:
+            return
+
+
+@contextlib.contextmanager
+def pool(jobs: int) -> Generator[ProcessPoolExecutor]:
+    """Processes that end with the block, at once if it fails: a commit is made whole or not at all."""
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    processes = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
+    try:
+        yield processes
+    except BaseException:
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        # the pool waits for its processes in a thread of its own; of two that wait for one, only one hears of its end
+        processes.shutdown(cancel_futures=True)
+        raise
+    processes.shutdown()
+
+
+def _begin() -> None:
+    """What a process does first: leave it to the one that started it to end it, and not outlive that one."""
+    # Ctrl-C reaches every process of a terminal
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
+
+
+def _in_ray(
+    work: Callable[[_T], _R], tasks: Sequence[_T], jobs: int, died: Callable[[_T], _R], keep: Keep[_R]
+) -> None:
+    """As Ray core tasks: in the cluster that ``RAY_ADDRESS`` names, else in one on this machine, for this call."""
+    ray = _ray()
+    begun = not ray.is_initialized()
+    if begun:
+        _begin_ray(ray, jobs)
+    try:
+        # a task that kills its worker is tried once more, as another may have taken the memory
+        remote = ray.remote(max_retries=1)(work)
+        left, under_way = iter(enumerate(tasks)), dict[Any, int]()
+        while True:
+            for index, task in _first(left, jobs * _WAITING - len(under_way)):
+                under_way[remote.remote(task)] = index
+            if not under_way:
+                return
+            [finished], _ = ray.wait(list(under_way))
+            index = under_way.pop(finished)
+            try:
+                result = ray.get(finished)
+            except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                result = died(tasks[index])
+            keep(index, result)
+    finally:
+        if begun:
+            ray.shutdown()
+
+
+def _ray() -> Any:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ImportError:
+        raise MissingExtraError(
+            "cannot use --engine ray",
+            where="Ray is not installed",
+            fix="pip install 'ecat[ray]', or leave out --engine",
+        ) from None
+    return ray
+
+
+def _begin_ray(ray: Any, jobs: int) -> None:
+    address = os.environ.get("RAY_ADDRESS")
+    own = {} if address else {"num_cpus": jobs, "include_dashboard": False}
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        raise UsageError(
+            "cannot use --engine ray",
+            where=f"RAY_ADDRESS={address or ''}: {error}",
+            fix="start a cluster (ray start --head), or unset RAY_ADDRESS to have one on this machine",
+        ) from error

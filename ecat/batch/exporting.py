@@ -1,0 +1,111 @@
+"""Writing many sessions in a foreign format: in several processes, on several machines, in a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ecat import formats
+from ecat.batch import engines
+from ecat.batch.engines import Engine, usual_jobs
+from ecat.batch.faults import fault
+from ecat.batch.shards import Shard
+from ecat.errors import EcatError, UsageError
+from ecat.formats import ExportReport, Format, exporting, registry
+from ecat.formats.exporting import Made, Task
+from ecat.formats.options import read_options
+from ecat.progress import Progress, silent
+from ecat.store.staging import refuse_taken
+
+
+def export_sessions(
+    path: Path,
+    dest: Path,
+    *,
+    format: str,  # noqa: A002  (the name of the option)
+    options: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    engine: Engine = "processes",
+    shard: Shard | None = None,
+    progress: Progress = silent,
+) -> ExportReport:
+    """:func:`ecat.formats.export`, several sessions at once; the bytes are the same.
+
+    Parameters
+    ----------
+    jobs : how many at once; by default :func:`ecat.batch.engines.usual_jobs`.
+    shard : make only the parts of this share of the sessions, beside ``dest``; the call without a shard, made when
+        every share is done, takes them as they are and joins them.
+
+    Raises
+    ------
+    UsageError : as of ``formats.export``; or a share of a format that is only written as a whole.
+    StoreError : as of ``formats.export``.
+    """
+    path, dest = Path(path), Path(dest)
+    chosen = registry.find(format)
+    if chosen.part is None:
+        if shard is not None:
+            raise UsageError(
+                f"cannot export a share of {path}",
+                where=f"{chosen.name} is written as a whole",
+                fix="leave out --shard, or choose another format",
+            )
+        return formats.export(path, dest, format=format, options=options, progress=progress)
+    chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
+    refuse_taken(dest)
+    tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
+    if shard is not None:
+        return _share(dest, chosen, _all(shard.of(tasks), jobs, engine, progress))
+    return exporting.join(dest, chosen, _all(tasks, jobs, engine, progress), progress)
+
+
+def _share(dest: Path, chosen: Format, outcomes: Sequence[Made]) -> ExportReport:
+    """What was made of a share, which waits beside ``dest`` to be joined with the others."""
+    return ExportReport(
+        path=exporting.parts_folder(dest),
+        format=chosen.name,
+        sessions=sum(outcome.error is None for outcome in outcomes),
+        findings=tuple(f"{o.task.label}: {finding}" for o in outcomes for finding in o.findings),
+        failures=tuple((o.task.session, o.error) for o in outcomes if o.error is not None),
+    )
+
+
+def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress) -> list[Made]:
+    jobs = usual_jobs(len(tasks)) if jobs is None else max(1, min(jobs, len(tasks)))
+    if len(tasks) == 1:
+        return [exporting.make_part(tasks[0], progress)]
+    done = 0
+
+    def keep(outcome: Made) -> None:
+        nonlocal done
+        done += 1
+        progress(outcome.task.label, done, len(tasks))
+
+    progress("starting", 0, len(tasks))
+    if jobs == 1 and engine == "processes":
+        outcomes: list[Made] = []
+        for task in tasks:
+            outcomes.append(_outcome(task))
+            keep(outcomes[-1])
+        return outcomes
+    return engines.run(_outcome, tasks, jobs=jobs, died=_died, keep=keep, engine=engine)
+
+
+def _outcome(task: Task) -> Made:
+    try:
+        return exporting.make_part(task)
+    except Exception as error:  # noqa: BLE001  a fault met in one session is no reason to leave out the others
+        again = f"ecat export {task.session} OTHER --format {task.format}"
+        return Made(task=task, error=fault(error, again))
+
+
+def _died(task: Task) -> Made:
+    error = EcatError(
+        f"cannot export {task.label}",
+        where=f"{task.session}: the process that worked on it was killed; perhaps there was too little memory",
+        consequence="this session is not in the export",
+        fix="the same command with --jobs 1",
+    )
+    return Made(task=task, error=error)

@@ -1,0 +1,110 @@
+"""``ecat query``: a question in SQL to all sessions of a project."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ecat.cli.output import Output
+from ecat.cli.text import columns, count
+from ecat.cli.verb import verb
+from ecat.errors import UsageError
+
+if TYPE_CHECKING:
+    from ecat.query import Answer, TableHelp
+
+_WIDEST = 60
+
+
+@verb(
+    "query",
+    examples=(
+        "ecat query my_project --tables",
+        'ecat query my_project "select type, count(*) from events group by type"',
+        'ecat query my_project "select session, avg(sigma_m) from poses group by session" --to sigma.csv',
+        "ecat query my_project - < question.sql",
+    ),
+)
+@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
+@click.argument("question", required=False, help="A SELECT, in DuckDB's SQL; - reads it from the input.")
+@click.option("--tables", is_flag=True, help="List the tables and what their columns mean.")
+@click.option(
+    "--to", "dest", type=click.Path(path_type=Path), metavar="FILE", help="Write all rows: .parquet or .csv."
+)
+@click.option(
+    "--rows",
+    type=click.IntRange(min=0),
+    default=50,
+    show_default=True,
+    help="How many rows to print.",
+)
+def command(out: Output, path: Path, question: str | None, tables: bool, dest: Path | None, rows: int) -> int:
+    """Ask all sessions of a project a question in SQL.
+
+    Every table of the sessions is a table of the same name with the rows of all, and says in the column `session` which
+    one a row is from; the table `sessions` has a row for each.  A question reads the sessions and nothing else, and
+    changes nothing.
+    """
+    from ecat import query
+
+    if tables:
+        _list_tables(out, query.tables_at(path))
+        return 0
+    if question is None:
+        raise UsageError(
+            "there is no question",
+            where="expected a SELECT in quotes",
+            fix=f"ecat query {path} 'select * from sessions'",  # noqa: S608  (a hint)
+        )
+    asked = sys.stdin.read() if question == "-" else question
+    with out.progress() as progress, query.ask(path, asked, progress=progress) as answer:
+        if dest is None:
+            _print(out, answer, rows)
+        else:
+            n = query.write_answer(answer, dest)
+            out.result({"path": str(dest), "rows": n}, f"wrote {count(n, 'row')} to {dest}")
+        for folder, error in answer.failures:
+            click.echo(f"{folder} was not asked: {error}", err=True)
+    return 1 if answer.failures else 0
+
+
+def _list_tables(out: Output, tables: list[TableHelp]) -> None:
+    lines: list[str] = []
+    for table in tables:
+        lines.append(f"{table.name} ({count(table.rows, 'row')})")
+        lines.append(columns([list(field) for field in table.columns], indent=2))
+    data = [
+        {
+            "name": table.name,
+            "rows": table.rows,
+            "columns": [{"name": name, "meaning": meaning} for name, meaning in table.columns],
+        }
+        for table in tables
+    ]
+    out.result({"tables": data}, "\n".join(lines))
+
+
+def _print(out: Output, answer: Answer, most: int) -> None:
+    rows: list[dict[str, Any]] = []
+    more = False
+    for batch in answer.batches:
+        if more := len(rows) + batch.num_rows > most:
+            rows += batch.slice(0, most - len(rows)).to_pylist()
+            break
+        rows += batch.to_pylist()
+    names = answer.schema.names
+    lines = [names, *([_cell(row[name]) for name in names] for row in rows)]
+    text = columns(lines) if names else ""
+    if more:
+        text += "\n... there are more rows: --rows prints more, --to FILE writes all"
+    out.result({"rows": json.loads(json.dumps(rows, default=str)), "more": more}, text)
+
+
+def _cell(value: Any) -> str:
+    text = "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+    text = " ".join(text.split())
+    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"

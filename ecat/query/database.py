@@ -1,0 +1,226 @@
+"""The tables of all sessions as one database for the time of a question.
+
+Every table of the sessions is a table here, with the rows of all of them and a column ``session`` in front; the table
+``sessions`` says what the sessions are.  DuckDB reads of the files what a question needs, when it needs it.  A question
+can read nothing else, and write nothing: there is no way from SQL to the disk or to Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.dataset as ds
+from pyarrow import fs
+
+from ecat.errors import CorruptError, EcatError, MissingExtraError, UsageError
+from ecat.progress import Progress, silent
+from ecat.store import Session, files, find_sessions, open_session
+from ecat.tables import TABLES, Column, TableSchema
+
+SESSION = pa.field("session", pa.string())
+SESSIONS = TableSchema(
+    "sessions",
+    "What was asked: a row for each session.",
+    (
+        Column("session", pa.string(), "the session's folder"),
+        Column("name", pa.string(), "the session's name"),
+        Column("frames", pa.int64(), "images of the annotated video"),
+        Column("duration_s", pa.float64(), "how long it is; null where it has no clock", "s", "", True),
+        Column("created", pa.string(), "when it was recorded or made"),
+        Column("format", pa.string(), "the format it was imported from"),
+        Column("streams", pa.list_(pa.string()), "recorded streams"),
+        Column("layers", pa.list_(pa.string()), "annotation layers"),
+        Column("tables", pa.list_(pa.string()), "tables that it has"),
+    ),
+)
+_DISK = fs.LocalFileSystem()
+_ROWS_AT_ONCE = 1 << 14
+_LOCKED = (
+    "SET enable_external_access = false",
+    "SET python_enable_replacements = false",
+    "SET autoinstall_known_extensions = false",
+    "SET autoload_known_extensions = false",
+    "SET lock_configuration = true",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """The rows of an answer, as they come, and which sessions could not be asked, and why."""
+
+    schema: pa.Schema
+    batches: Iterator[pa.RecordBatch]
+    failures: tuple[tuple[Path, EcatError], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableHelp:
+    """A table that can be asked: how many rows it has, and its columns, each with what it means."""
+
+    name: str
+    rows: int
+    columns: tuple[tuple[str, str], ...]
+
+
+@contextmanager
+def ask(path: Path, question: str, *, progress: Progress = silent) -> Generator[Answer]:
+    """Ask the sessions at ``path`` a question in SQL; the answer can be read while the block lasts.
+
+    Raises
+    ------
+    UsageError : what DuckDB says to the question; nothing is written whatever it says.
+    NotFoundError : there is no session.
+    CorruptError : a table cannot be read, while the answer is.
+    MissingExtraError : DuckDB is not installed.
+    """
+    duckdb = _duckdb()
+    sessions, failures = _open(path, progress)
+    with duckdb.connect(":memory:") as connection:
+        connection.register("sessions", _sessions(sessions))
+        for name, data in _tables(sessions).items():
+            connection.register(name, data)
+        for setting in _LOCKED:
+            connection.execute(setting)
+        with _typed(duckdb, path):
+            reader = connection.sql(question)
+            if reader is None:
+                raise UsageError(
+                    "cannot answer this question",
+                    where="it is not one: a SELECT was expected",
+                    fix=f"ecat query {path} 'select * from sessions'",  # noqa: S608  (a hint)
+                )
+            rows = reader.to_arrow_reader(_ROWS_AT_ONCE)
+        yield Answer(schema=rows.schema, batches=_read(duckdb, path, rows), failures=failures)
+
+
+def tables_at(path: Path) -> list[TableHelp]:
+    """The tables that can be asked at ``path``, those with rows first.
+
+    Raises
+    ------
+    NotFoundError : there is no session.
+    """
+    sessions, _ = _open(path, silent)
+    meanings = {
+        (schema.name, c.name): c.meaning + (f" [{c.unit}]" if c.unit else "")
+        for schema in (SESSIONS, *TABLES.values())
+        for c in schema.columns
+    }
+    columns = _meanings(SESSIONS.arrow, meanings, SESSIONS.name)
+    found = [TableHelp(name=SESSIONS.name, rows=len(sessions), columns=columns)]
+    for name, data in _tables(sessions).items():
+        records = (session.manifest.table(name) for session in sessions.values())
+        rows = sum(record.rows for record in records if record is not None)
+        found.append(TableHelp(name=name, rows=rows, columns=_meanings(data.schema, meanings, name)))
+    return sorted(found, key=lambda table: table.rows == 0)
+
+
+def _meanings(
+    schema: pa.Schema, meanings: Mapping[tuple[str, str], str], table: str
+) -> tuple[tuple[str, str], ...]:
+    own = {"session": "the session's folder"}
+    return tuple((name, meanings.get((table, name), own.get(name, ""))) for name in schema.names)
+
+
+def _duckdb() -> Any:
+    try:
+        import duckdb
+    except ImportError:
+        raise MissingExtraError(
+            "cannot answer questions", where="DuckDB is not installed", fix="pip install 'ecat[query]'"
+        ) from None
+    return duckdb
+
+
+def _open(path: Path, progress: Progress) -> tuple[dict[str, Session], tuple[tuple[Path, EcatError], ...]]:
+    """The sessions by label, and those that cannot be opened."""
+    sessions: dict[str, Session] = {}
+    failures: list[tuple[Path, EcatError]] = []
+    folders = find_sessions(path)
+    for done, folder in enumerate(folders):
+        progress("opening", done, len(folders))
+        inside = folder.relative_to(path)
+        try:
+            sessions[inside.as_posix() if inside.parts else folder.resolve().name] = open_session(folder)
+        except EcatError as error:
+            failures.append((folder, error))
+    if folders and not sessions:
+        raise failures[0][1]
+    return sessions, tuple(failures)
+
+
+def _sessions(sessions: dict[str, Session]) -> pa.Table:
+    rows = [
+        {
+            "session": label,
+            "name": session.name,
+            "frames": session.manifest.n_frames,
+            "duration_s": None if (ns := session.manifest.clock.duration_ns) is None else ns / 1e9,
+            "created": session.manifest.created,
+            "format": session.manifest.provenance.format,
+            "streams": [stream.name for stream in session.manifest.streams],
+            "layers": [layer.name for layer in session.manifest.layers],
+            "tables": list(session.tables),
+        }
+        for label, session in sessions.items()
+    ]
+    return pa.Table.from_pylist(rows, schema=SESSIONS.arrow)
+
+
+def _tables(sessions: dict[str, Session]) -> dict[str, ds.Dataset]:
+    """Every table that some session has, with the rows of all; tables that none has are empty."""
+    return {name: _table(name, sessions) for name in TABLES}
+
+
+def _table(name: str, sessions: dict[str, Session]) -> ds.Dataset:
+    schema = pa.schema([SESSION, *map(_plain, TABLES[name].arrow)])
+    parquet = ds.ParquetFileFormat()
+    fragments: list[Any] = []
+    for label, session in sessions.items():
+        if (record := session.manifest.table(name)) is not None:
+            place = str(files.confined(session.path, record.file).resolve())
+            here: Any = ds.field("session") == label
+            fragments.append(parquet.make_fragment(place, _DISK, here))
+    return ds.FileSystemDataset(fragments, schema, parquet, _DISK)
+
+
+def _plain(field: Any) -> Any:
+    """A column of texts as texts, however it is packed in the files."""
+    kind = field.type
+    return pa.field(field.name, kind.value_type if pa.types.is_dictionary(kind) else kind)
+
+
+def _read(duckdb: Any, path: Path, rows: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
+    with _typed(duckdb, path):
+        yield from rows
+
+
+@contextmanager
+def _typed(duckdb: Any, path: Path) -> Generator[None]:
+    try:
+        yield
+    except duckdb.Error as error:
+        text = str(error)
+        if "reading the stream registered as" in text:  # a file's fault, which DuckDB only hands on
+            raise _unreadable(path, text) from None
+        raise UsageError(
+            "cannot answer this question",
+            where=tuple(line for line in text.split("\n") if line.strip())[:6],
+            fix=f"ecat query {path} --tables lists the tables and their columns",
+        ) from None
+    except (pa.ArrowException, OSError) as error:
+        raise _unreadable(path, str(error)) from None
+
+
+def _unreadable(path: Path, text: str) -> CorruptError:
+    return CorruptError(
+        f"cannot read the tables of {path}",
+        where=text.partition("\n")[0],
+        consequence="the question was not answered",
+        fix=f"ecat check {path} says which session is damaged",
+    )

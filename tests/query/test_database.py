@@ -1,0 +1,144 @@
+"""Questions to many sessions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from ecat.errors import CorruptError, MissingExtraError, NotFoundError, UsageError
+from ecat.query import ask, tables_at
+from ecat.store import open_session
+from ecat.tables import TABLES
+from tests.store.sessions import make
+
+pytest.importorskip("duckdb", reason="DuckDB is not installed: pip install 'ecat[query]'")
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("project")
+    for number, name in enumerate(("a/one", "a/two", "b/three")):
+        make(folder / name, number, n=10 * (number + 1))
+    return folder
+
+
+def rows(path: Path, question: str) -> list[dict[str, object]]:
+    with ask(path, question) as answer:
+        return pa.Table.from_batches(list(answer.batches), answer.schema).to_pylist()
+
+
+def test_a_table_has_the_rows_of_all_sessions_and_says_where_each_is_from(project: Path) -> None:
+    found = rows(project, "select session, count(*) n from poses group by session order by session")
+    assert found == [
+        {"session": "a/one", "n": 10},
+        {"session": "a/two", "n": 20},
+        {"session": "b/three", "n": 30},
+    ]
+
+
+def test_every_value_is_that_of_the_session_s_own_table(project: Path) -> None:
+    for name in ("poses", "events", "event_segments"):
+        found = rows(project, f"select * exclude (session) from {name} where session = 'a/two'")
+        own = open_session(project / "a" / "two").table(name).to_arrow().to_pylist()
+        assert found == own
+        assert own
+
+
+def test_the_names_of_packed_columns_are_texts(project: Path) -> None:
+    assert rows(project, "select distinct object_id from poses where session = 'b/three'") == [
+        {"object_id": "object_id2"}
+    ]
+    assert rows(project, "select text from events where text ~ '[12]' order by text") == [
+        {"text": "1"},
+        {"text": "2"},
+    ]
+
+
+def test_tables_can_be_joined_with_the_sessions(project: Path) -> None:
+    [row] = rows(
+        project,
+        "select max(s.duration_s) longest, count(*) n from events e join sessions s using (session)",
+    )
+    assert row == {"longest": 80.0, "n": 3}
+
+
+def test_tables_that_no_session_has_are_empty(project: Path) -> None:
+    assert rows(project, "select * from hulls") == []
+
+
+def test_a_single_session_goes_by_its_folder(project: Path) -> None:
+    assert rows(project / "a" / "one", "select session, name from sessions") == [
+        {"session": "one", "name": "session"}
+    ]
+
+
+def test_every_table_and_column_is_explained(project: Path) -> None:
+    known = {table.name: table for table in tables_at(project)}
+    assert set(known) == {"sessions", *TABLES}
+    assert (known["poses"].rows, known["sessions"].rows, known["hulls"].rows) == (60, 3, 0)
+    assert known["poses"].columns[0] == ("session", "the session's folder")
+    assert all(meaning for table in known.values() for _, meaning in table.columns)
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "copy (select 1) to '{out}'",
+        "copy poses to '{out}'",
+        "export database '{out}'",
+        "attach '{out}'",
+        "select * from read_csv('/etc/passwd')",
+        "select * from read_text('/etc/passwd')",
+        "select * from '/etc/passwd'",
+        "select * from glob('/*')",
+        "install httpfs",
+        "load httpfs",
+        "set enable_external_access = true",
+        "set python_enable_replacements = true",
+        "select * from secret",
+        "create table t as select * from read_blob('/etc/passwd')",
+    ],
+)
+def test_a_question_reaches_nothing_but_the_sessions(project: Path, tmp_path: Path, question: str) -> None:
+    secret = pa.table({"a": [1]})
+    with pytest.raises(UsageError, match="cannot answer this question"):
+        rows(project, question.format(out=tmp_path / "out"))
+    assert list(tmp_path.iterdir()) == []
+    del secret
+
+
+def test_a_mistake_is_explained_and_the_tables_are_named(project: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        rows(project, "select typo from poses")
+    assert 'Referenced column "typo" not found' in caught.value.where
+    assert "--tables" in caught.value.fix
+    with pytest.raises(UsageError, match="cannot answer this question"):
+        rows(project, "   ")
+
+
+def test_a_damaged_table_is_an_error_and_a_damaged_session_is_left_out_and_named(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        make(tmp_path / name)
+    (tmp_path / "a" / "session.json").write_text("{")
+    with ask(tmp_path, "select session from sessions") as answer:
+        assert [batch.to_pylist() for batch in answer.batches] == [[{"session": "b"}]]
+        [(path, error)] = answer.failures
+        assert path.name == "a"
+        assert "session.json" in str(error)
+    (tmp_path / "b" / "tables" / "poses.parquet").write_bytes(b"PAR1" * 10)
+    with pytest.raises(CorruptError, match="cannot read the tables") as caught:
+        rows(tmp_path, "select * from poses")
+    assert "ecat check" in caught.value.fix
+
+
+def test_without_sessions_or_without_duckdb_it_says_so(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(NotFoundError):
+        rows(tmp_path / "nowhere", "select 1")
+    monkeypatch.setitem(__import__("sys").modules, "duckdb", None)
+    with pytest.raises(MissingExtraError, match="cannot answer questions") as caught:
+        rows(project, "select 1")
+    assert "ecat[query]" in caught.value.fix
