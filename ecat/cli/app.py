@@ -44,6 +44,7 @@ VERBS = (
     "restore",
     "survey",
     "agree",
+    "stats",
     "query",
     "export",
     "sample",

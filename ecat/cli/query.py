@@ -61,15 +61,16 @@ def command(out: Output, path: Path, question: str | None, tables: bool, dest: P
             fix=f"ecat query {path} 'select * from sessions'",  # noqa: S608  (a hint)
         )
     asked = sys.stdin.read() if question == "-" else question
-    with out.progress() as progress, query.ask(path, asked, progress=progress) as answer:
+    with out.progress() as progress, query.open_database(path, progress=progress) as database:
+        answer = database.ask(asked)
         if dest is None:
             _print(out, answer, rows)
         else:
             n = query.write_answer(answer, dest)
             out.result({"path": str(dest), "rows": n}, f"wrote {count(n, 'row')} to {dest}")
-        for folder, error in answer.failures:
+        for folder, error in database.failures:
             click.echo(f"{folder} was not asked: {error}", err=True)
-    return 1 if answer.failures else 0
+    return 1 if database.failures else 0
 
 
 def _list_tables(out: Output, tables: list[TableHelp]) -> None:

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from ecat.query.database import Answer, TableHelp, ask, tables_at
+from ecat.query.database import Answer, Database, TableHelp, open_database, tables_at
 from ecat.query.files import write_answer
+from ecat.query.plots import plot_statistics
+from ecat.query.statistics import Statistics, statistics
 
-__all__ = ["Answer", "TableHelp", "ask", "tables_at", "write_answer"]
+__all__ = [
+    "Answer",
+    "Database",
+    "Statistics",
+    "TableHelp",
+    "open_database",
+    "plot_statistics",
+    "statistics",
+    "tables_at",
+    "write_answer",
+]

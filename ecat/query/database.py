@@ -7,11 +7,11 @@ can read nothing else, and write nothing: there is no way from SQL to the disk o
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.dataset as ds
@@ -21,6 +21,9 @@ from ecat.errors import CorruptError, EcatError, MissingExtraError, UsageError
 from ecat.progress import Progress, silent
 from ecat.store import Session, files, find_sessions, open_session
 from ecat.tables import TABLES, Column, TableSchema
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection
 
 SESSION = pa.field("session", pa.string())
 SESSIONS = TableSchema(
@@ -51,11 +54,14 @@ _LOCKED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """The rows of an answer, as they come, and which sessions could not be asked, and why."""
+    """The rows of an answer, as they come."""
 
     schema: pa.Schema
     batches: Iterator[pa.RecordBatch]
-    failures: tuple[tuple[Path, EcatError], ...] = ()
+
+    def rows(self) -> list[dict[str, Any]]:
+        """All of them at once."""
+        return [row for batch in self.batches for row in batch.to_pylist()]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,35 +73,57 @@ class TableHelp:
     columns: tuple[tuple[str, str], ...]
 
 
+class Database:
+    """Sessions that can be asked.
+
+    ``failures`` are those that could not be opened, and why.
+    """
+
+    def __init__(
+        self, path: Path, connection: DuckDBPyConnection, failures: Sequence[tuple[Path, EcatError]]
+    ) -> None:
+        self._path = path
+        self._connection = connection
+        self.failures = tuple(failures)
+
+    def ask(self, question: str) -> Answer:
+        """Ask a question in SQL; the answer before it cannot be read on.
+
+        Raises
+        ------
+        UsageError : what DuckDB says to the question; nothing is written whatever it says.
+        CorruptError : a table cannot be read, here or while the answer is.
+        """
+        with _typed(self._path):
+            reader: Any = self._connection.sql(question)
+            if reader is None:
+                raise UsageError(
+                    "cannot answer this question",
+                    where="it is not one: a SELECT was expected",
+                    fix=f"ecat query {self._path} 'select * from sessions'",  # noqa: S608  (a hint)
+                )
+            rows = reader.to_arrow_reader(_ROWS_AT_ONCE)
+        return Answer(schema=rows.schema, batches=_read(self._path, rows))
+
+
 @contextmanager
-def ask(path: Path, question: str, *, progress: Progress = silent) -> Generator[Answer]:
-    """Ask the sessions at ``path`` a question in SQL; the answer can be read while the block lasts.
+def open_database(path: Path, *, progress: Progress = silent) -> Generator[Database]:
+    """The sessions at ``path``, to be asked while the block lasts.
 
     Raises
     ------
-    UsageError : what DuckDB says to the question; nothing is written whatever it says.
     NotFoundError : there is no session.
-    CorruptError : a table cannot be read, while the answer is.
     MissingExtraError : DuckDB is not installed.
     """
     duckdb = _duckdb()
     sessions, failures = _open(path, progress)
     with duckdb.connect(":memory:") as connection:
-        connection.register("sessions", _sessions(sessions))
+        connection.register(SESSIONS.name, _sessions(sessions))
         for name, data in _tables(sessions).items():
             connection.register(name, data)
         for setting in _LOCKED:
             connection.execute(setting)
-        with _typed(duckdb, path):
-            reader = connection.sql(question)
-            if reader is None:
-                raise UsageError(
-                    "cannot answer this question",
-                    where="it is not one: a SELECT was expected",
-                    fix=f"ecat query {path} 'select * from sessions'",  # noqa: S608  (a hint)
-                )
-            rows = reader.to_arrow_reader(_ROWS_AT_ONCE)
-        yield Answer(schema=rows.schema, batches=_read(duckdb, path, rows), failures=failures)
+        yield Database(path, connection, failures)
 
 
 def tables_at(path: Path) -> list[TableHelp]:
@@ -195,13 +223,14 @@ def _plain(field: Any) -> Any:
     return pa.field(field.name, kind.value_type if pa.types.is_dictionary(kind) else kind)
 
 
-def _read(duckdb: Any, path: Path, rows: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
-    with _typed(duckdb, path):
+def _read(path: Path, rows: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
+    with _typed(path):
         yield from rows
 
 
 @contextmanager
-def _typed(duckdb: Any, path: Path) -> Generator[None]:
+def _typed(path: Path) -> Generator[None]:
+    duckdb = _duckdb()
     try:
         yield
     except duckdb.Error as error:

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from ecat.errors import CorruptError, MissingExtraError, NotFoundError, UsageError
-from ecat.query import ask, tables_at
+from ecat.query import open_database, tables_at
 from ecat.store import open_session
 from ecat.tables import TABLES
 from tests.store.sessions import make
@@ -25,8 +25,8 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rows(path: Path, question: str) -> list[dict[str, object]]:
-    with ask(path, question) as answer:
-        return pa.Table.from_batches(list(answer.batches), answer.schema).to_pylist()
+    with open_database(path) as database:
+        return database.ask(question).rows()
 
 
 def test_a_table_has_the_rows_of_all_sessions_and_says_where_each_is_from(project: Path) -> None:
@@ -122,9 +122,9 @@ def test_a_damaged_table_is_an_error_and_a_damaged_session_is_left_out_and_named
     for name in ("a", "b"):
         make(tmp_path / name)
     (tmp_path / "a" / "session.json").write_text("{")
-    with ask(tmp_path, "select session from sessions") as answer:
-        assert [batch.to_pylist() for batch in answer.batches] == [[{"session": "b"}]]
-        [(path, error)] = answer.failures
+    with open_database(tmp_path) as database:
+        assert database.ask("select session from sessions").rows() == [{"session": "b"}]
+        [(path, error)] = database.failures
         assert path.name == "a"
         assert "session.json" in str(error)
     (tmp_path / "b" / "tables" / "poses.parquet").write_bytes(b"PAR1" * 10)

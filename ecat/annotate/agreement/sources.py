@@ -48,26 +48,36 @@ def agree(paths: Sequence[Path], layers: Sequence[str] = (), *, progress: Progre
 
 
 def _within(sessions: Sequence[Path], layers: Sequence[str], progress: Progress) -> Compared:
-    names = tuple(layers) or _people(sessions)
+    left_out: list[tuple[str, str]] = []
+    opened = [session for path in sessions if (session := _opened(path, left_out)) is not None]
+    names = tuple(layers) or _people(opened)
     if len(names) < 2:
         raise UsageError(
             "cannot compare one annotator",
             where=f"the layers that people made are: {', '.join(names) or 'none'}",
             fix="name two layers with --layer, or give two projects: ecat agree FIRST SECOND",
         )
-    found, left_out = Agreement(names), list[tuple[str, str]]()
-    for done, path in enumerate(sessions):
-        progress("comparing", done, len(sessions))
-        session = open_session(path)
+    found = Agreement(names)
+    for done, session in enumerate(opened):
+        progress("comparing", done, len(opened))
         if missing := [name for name in names if session.manifest.layer(name) is None]:
-            left_out.append((path.name, f"has no layer {missing[0]}"))
+            left_out.append((session.path.name, f"has no layer {missing[0]}"))
             continue
         _add(found, [(session, name) for name in names], left_out)
     return _checked(found, left_out)
 
 
-def _people(sessions: Iterable[Path]) -> tuple[str, ...]:
-    names = {record.name for path in sessions for record in open_session(path).manifest.layers}
+def _opened(path: Path, left_out: list[tuple[str, str]]) -> Session | None:
+    """The session, or a remark on why it is left out."""
+    try:
+        return open_session(path)
+    except EcatError as error:
+        left_out.append((path.name, error.what))
+        return None
+
+
+def _people(sessions: Iterable[Session]) -> tuple[str, ...]:
+    names = {record.name for session in sessions for record in session.manifest.layers}
     return tuple(sorted(names - {MACHINE, "gold"}))
 
 
