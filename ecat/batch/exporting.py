@@ -12,16 +12,16 @@ from ecat.batch.engines import Engine, usual_jobs
 from ecat.batch.faults import fault
 from ecat.batch.shards import Shard
 from ecat.errors import EcatError, UsageError
-from ecat.formats import ExportReport, Format, exporting, registry
+from ecat.formats import ExportReport, exporting, registry
 from ecat.formats.exporting import Made, Task
 from ecat.formats.options import read_options
 from ecat.progress import Progress, silent
-from ecat.store.staging import refuse_taken
+from ecat.store import remote
 
 
 def export_sessions(
-    path: Path,
-    dest: Path,
+    path: Path | str,
+    dest: Path | str,
     *,
     format: str,  # noqa: A002  (the name of the option)
     options: Mapping[str, str] | None = None,
@@ -34,6 +34,7 @@ def export_sessions(
 
     Parameters
     ----------
+    path, dest : paths, or URLs that fsspec knows.
     jobs : how many at once; by default :func:`ecat.batch.engines.usual_jobs`.
     shard : make only the parts of this share of the sessions, beside ``dest``; the call without a shard, made when
         every share is done, takes them as they are and joins them.
@@ -43,7 +44,7 @@ def export_sessions(
     UsageError : as of ``formats.export``; or a share of a format that is only written as a whole.
     StoreError : as of ``formats.export``.
     """
-    path, dest = Path(path), Path(dest)
+    path, dest = remote.place_of(path), remote.place_of(dest)
     chosen = registry.find(format)
     if chosen.part is None:
         if shard is not None:
@@ -54,18 +55,17 @@ def export_sessions(
             )
         return formats.export(path, dest, format=format, options=options, progress=progress)
     chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
-    refuse_taken(dest)
     tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
     if shard is not None:
-        return _share(dest, chosen, _all(shard.of(tasks), jobs, engine, progress))
+        return _share(tasks[0], _all(shard.of(tasks), jobs, engine, progress))
     return exporting.join(dest, chosen, _all(tasks, jobs, engine, progress), progress)
 
 
-def _share(dest: Path, chosen: Format, outcomes: Sequence[Made]) -> ExportReport:
+def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
     """What was made of a share, which waits beside ``dest`` to be joined with the others."""
     return ExportReport(
-        path=exporting.parts_folder(dest),
-        format=chosen.name,
+        path=remote.place_of(str(any_task.parts)),
+        format=any_task.format,
         sessions=sum(outcome.error is None for outcome in outcomes),
         findings=tuple(f"{o.task.label}: {finding}" for o in outcomes for finding in o.findings),
         failures=tuple((o.task.session, o.error) for o in outcomes if o.error is not None),

@@ -9,7 +9,7 @@ import click
 
 from ecat.cli.output import Output
 from ecat.cli.spread import spread_options
-from ecat.cli.transfer import keep_apart, named_values, tell
+from ecat.cli.transfer import Place, keep_apart, named_values, tell
 from ecat.cli.verb import verb
 
 if TYPE_CHECKING:
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
         "ecat export my_project out --format ecat-2018",
         "ecat export my_project dataset --format lerobot --option fps=15 --jobs 8",
         "ecat export my_project dataset --format lerobot --shard 3/20",
+        "ecat export s3://lab/my_project s3://lab/dataset --format lerobot",
     ),
 )
-@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
-@click.argument("dest", type=click.Path(path_type=Path), help="The file or folder to write.")
+@click.argument("path", type=Place(), help="A session, project or workspace; also a URL (s3://...).")
+@click.argument("dest", type=Place(), help="The file or folder to write; also a URL.")
 @click.option("--format", "format_name", metavar="NAME", required=True, help="The format to write.")
 @click.option(
     "--option",
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
 @spread_options("Write")
 def command(
     out: Output,
-    path: Path,
-    dest: Path,
+    path: Path | str,
+    dest: Path | str,
     format_name: str,
     options: tuple[str, ...],
     jobs: int | None,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from ecat.cli.output import Output
 from ecat.cli.text import count
@@ -13,14 +15,29 @@ if TYPE_CHECKING:
     from ecat.formats import ExportReport, ImportReport
 
 
-def keep_apart(source: Path, dest: Path) -> None:
+class Place(click.ParamType["Path | str"]):
+    """A path, or a URL that is left as it is."""
+
+    name = "path"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path | str:
+        """As typed."""
+        del param, ctx
+        return value if "://" in str(value) else Path(value)
+
+
+def keep_apart(source: Path | str, dest: Path | str) -> None:
     """Return if ``dest`` is not inside of ``source``, which is left as it is.
 
     Raises
     ------
     UsageError : it is.
     """
-    if source.resolve() in dest.resolve().parents:
+    if isinstance(source, str) and isinstance(dest, str):
+        inside = f"{dest}/".startswith(f"{source.rstrip('/')}/")
+    else:
+        inside = Path(source).resolve() in Path(dest).resolve().parents
+    if inside:
         raise UsageError(
             f"cannot write to {dest}",
             where=f"it lies inside of {source}, which is only read",

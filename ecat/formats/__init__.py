@@ -10,6 +10,7 @@ from ecat.formats import exporting, registry
 from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport, Part, SideFile
 from ecat.formats.options import read_options
 from ecat.progress import Progress, silent
+from ecat.store import remote
 from ecat.store.manifest import require_utf8
 
 __all__ = [
@@ -56,8 +57,8 @@ def import_source(
 
 
 def export(
-    path: Path,
-    dest: Path,
+    path: Path | str,
+    dest: Path | str,
     *,
     format: str,  # noqa: A002  (the name of the option)
     options: Mapping[str, str] | None = None,
@@ -69,6 +70,7 @@ def export(
 
     Parameters
     ----------
+    path, dest : paths, or URLs that fsspec knows (:mod:`ecat.store.remote`).
     options : of the format, as texts (:mod:`ecat.formats.options`).
 
     Raises
@@ -76,7 +78,7 @@ def export(
     UsageError : unknown format, or one that is only read; an option that the format does not have.
     StoreError : ``path`` is no session, or ``dest`` is taken or cannot be written; nothing is left there.
     """
-    path, dest = Path(path), Path(dest)
+    path, dest = remote.place_of(path), remote.place_of(dest)
     chosen = registry.find(format)
     chosen_options = read_options(chosen.options, options or {}, chosen.name)
     if chosen.part is not None:
@@ -84,5 +86,11 @@ def export(
     if chosen.write is None:
         raise UsageError(
             f"cannot export {path}", where=f"{chosen.name} is only read, not written", fix="ecat formats"
+        )
+    if isinstance(path, str) or isinstance(dest, str):
+        raise UsageError(
+            f"cannot export {path} to {dest}",
+            where=f"{chosen.name} is written as a whole, from folder to folder",
+            fix="copy the sessions to this machine, or choose another format",
         )
     return chosen.write(path, dest, progress)

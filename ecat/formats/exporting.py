@@ -3,30 +3,31 @@
 Beside the destination ``out`` there is, while it is being made, a folder ``.out.parts``: a folder for each session,
 which appears when it is complete.  A part says what it was made from; one that matches is not made again, so that the
 same command goes on after an interruption, and several machines that share the disk make a share each.  The parts are
-joined in the order of the sessions' paths, whoever made them.
+joined in the order of the sessions' paths, whoever made them.  Sessions and destination may be URLs
+(:mod:`ecat.store.remote`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import secrets
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ecat.errors import EcatError, NotFoundError
 from ecat.formats import registry
 from ecat.formats.format import ExportReport, Format, Part
+from ecat.formats.parts import LocalParts, RemoteParts, parts_of
 from ecat.progress import Progress, silent
-from ecat.store import files, find_sessions, open_session, write_new_file
+from ecat.store import files, find_sessions, open_session, remote
 from ecat.store.manifest import SESSION_FILE
 from ecat.store.output import keep_out_of_sessions
 from ecat.store.staging import refuse_taken, staged_path
 
-_ABOUT = "part.json"
-_DATA = "data"
+Place = Path | str
+"""A path, or a URL."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,9 +35,9 @@ class Task:
     """One session to write: what a process has to know to make its part.  ``options`` are those of the format."""
 
     format: str
-    session: Path
+    session: Place
     label: str
-    folder: Path
+    parts: LocalParts | RemoteParts
     options: Any
 
 
@@ -49,16 +50,20 @@ class Made:
     error: EcatError | None = None
 
 
-def tasks_of(path: Path, dest: Path, chosen: Format, options: Any) -> list[Task]:
+def tasks_of(path: Place, dest: Place, chosen: Format, options: Any) -> list[Task]:
     """A task for each session at ``path``, in the order of their paths.
 
     Raises
     ------
     NotFoundError : there is no session.
-    ExistsError : ``dest`` lies inside of a session.
+    ExistsError : ``dest`` is taken, or lies inside of a session.
     """
-    keep_out_of_sessions(f"cannot write {dest.name}", dest)
-    sessions = find_sessions(path)
+    if isinstance(dest, str):
+        remote.refuse_taken(dest)
+    else:
+        keep_out_of_sessions(f"cannot write {dest.name}", dest)
+        refuse_taken(dest)
+    sessions: Sequence[Place] = remote.find_sessions(path) if isinstance(path, str) else find_sessions(path)
     if not sessions:
         raise NotFoundError(
             f"cannot export {path}",
@@ -66,28 +71,18 @@ def tasks_of(path: Path, dest: Path, chosen: Format, options: Any) -> list[Task]
             consequence="nothing was written",
             fix="ecat import brings recordings in",
         )
-    labels = [_label(session, path) for session in sessions]
+    parts = parts_of(dest)
     return [
-        Task(
-            format=chosen.name,
-            session=session,
-            label=label,
-            folder=parts_folder(dest) / hashlib.sha256(label.encode()).hexdigest()[:20],
-            options=options,
-        )
-        for session, label in zip(sessions, labels, strict=True)
+        Task(format=chosen.name, session=session, label=_label(session, path), parts=parts, options=options)
+        for session in sessions
     ]
 
 
-def parts_folder(dest: Path) -> Path:
-    """Where the parts of ``dest`` are while it is being made."""
-    place = dest.resolve()
-    return place.with_name(f".{place.name}.parts")
-
-
-def _label(session: Path, path: Path) -> str:
-    inside = session.relative_to(path)
-    return inside.as_posix() if inside.parts else session.resolve().name
+def _label(session: Place, path: Place) -> str:
+    inside = PurePosixPath(Path(session).relative_to(path).as_posix())
+    if inside.parts:
+        return str(inside)
+    return session.resolve().name if isinstance(session, Path) else PurePosixPath(session).name
 
 
 def make_part(task: Task, progress: Progress = silent) -> Made:
@@ -100,53 +95,38 @@ def make_part(task: Task, progress: Progress = silent) -> Made:
 
 def _made(task: Task, progress: Progress) -> Made:
     chosen = registry.find(task.format)
-    assert chosen.part is not None
-    session = open_session(task.session)
+    write = chosen.part
+    assert write is not None
+    if isinstance(task.session, Path):
+        open_session(task.session)  # what others did to it is in its manifest then
     key = _key(chosen, task)
-    if (known := _findings(task.folder, key)) is not None:
+    if (known := task.parts.known(task.label, key)) is not None:
         return Made(task=task, findings=known)
-    staging = task.folder.with_name(f"{task.folder.name}.{secrets.token_hex(8)}.partial")
-    with files.typed_errors(f"cannot write {task.label}", task.folder, "this session is not in it"):
-        files.make_folders(staging)
-        try:
-            findings = chosen.part(session, task.label, staging / _DATA, task.options, progress)
-            about = {"key": key, "findings": list(findings)}
-            write_new_file(staging / _ABOUT, [json.dumps(about).encode()])
-            files.sync_tree(staging)
-            files.remove(task.folder)
-            files.rename(staging, task.folder)
-        except BaseException:
-            files.remove(staging)
-            raise
+    with remote.at_hand(task.session) as folder:
+        session = open_session(folder)
+        findings = task.parts.put(
+            task.label, key, lambda dest: write(session, task.label, dest, task.options, progress)
+        )
     return Made(task=task, findings=findings)
 
 
 def _key(chosen: Format, task: Task) -> str:
     """Everything that the bytes of a part follow from; the manifest names the hash of every file of the session."""
     said = [chosen.name, chosen.version, task.label, asdict(task.options)]
-    manifest = (task.session / SESSION_FILE).read_bytes()
+    place = task.session
+    manifest = (place / SESSION_FILE).read_bytes() if isinstance(place, Path) else remote.read_manifest(place)
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode() + manifest).hexdigest()
 
 
-def _findings(folder: Path, key: str) -> tuple[str, ...] | None:
-    """What was said when the part was made, if it is there and is the one wanted."""
-    try:
-        about: Any = json.loads((folder / _ABOUT).read_bytes())
-    except (OSError, ValueError):
-        return None
-    if not (folder / _DATA).exists() or not isinstance(about, dict) or about.get("key") != key:
-        return None
-    return tuple(map(str, about.get("findings", ())))
-
-
-def write(path: Path, dest: Path, chosen: Format, options: Any, progress: Progress = silent) -> ExportReport:
+def write(
+    path: Place, dest: Place, chosen: Format, options: Any, progress: Progress = silent
+) -> ExportReport:
     """Write all sessions at ``path``, one after the other, and join them.
 
     Raises
     ------
     EcatError : as of :func:`tasks_of` and :func:`join`.
     """
-    refuse_taken(dest)
     tasks = tasks_of(path, dest, chosen, options)
     outcomes: list[Made] = []
     for done, task in enumerate(tasks):
@@ -155,7 +135,7 @@ def write(path: Path, dest: Path, chosen: Format, options: Any, progress: Progre
     return join(dest, chosen, outcomes, progress)
 
 
-def join(dest: Path, chosen: Format, outcomes: Sequence[Made], progress: Progress = silent) -> ExportReport:
+def join(dest: Place, chosen: Format, outcomes: Sequence[Made], progress: Progress = silent) -> ExportReport:
     """Make ``dest`` of the parts, in the order of ``outcomes``; sessions without a part are named in the report.
 
     Raises
@@ -165,20 +145,26 @@ def join(dest: Path, chosen: Format, outcomes: Sequence[Made], progress: Progres
     """
     made = [outcome for outcome in outcomes if outcome.error is None]
     failures = tuple((o.task.session, o.error) for o in outcomes if o.error is not None)
+    parts = outcomes[0].task.parts
     if not made:
-        files.remove(parts_folder(dest))
+        parts.remove()
         raise failures[0][1]
-    parts = [Part(label=outcome.task.label, path=outcome.task.folder / _DATA) for outcome in made]
     several = len(outcomes) > 1
     findings = [f"{o.task.label}: {finding}" if several else finding for o in made for finding in o.findings]
-    with staged_path(dest) as staging:
+    labels = [outcome.task.label for outcome in made]
+    options = outcomes[0].task.options
+    with (
+        parts.data(labels) as places,
+        remote.sent(dest) if isinstance(dest, str) else staged_path(dest) as new,
+    ):
+        found = [Part(label=label, path=place) for label, place in zip(labels, places, strict=True)]
         if chosen.merge is not None:
-            findings += chosen.merge(parts, staging, outcomes[0].task.options, progress)
+            findings += chosen.merge(found, new, options, progress)
         elif several:
-            _lay_out(parts, staging, chosen.suffix)
+            _lay_out(found, new, chosen.suffix)
         else:
-            files.link_or_copy(parts[0].path, staging)
-    files.remove(parts_folder(dest))
+            files.link_or_copy(found[0].path, new)
+    parts.remove()
     return ExportReport(
         path=dest, format=chosen.name, sessions=len(made), findings=tuple(findings), failures=failures
     )

@@ -28,11 +28,11 @@ class ImportReport:
 class ExportReport:
     """What an export wrote, what the format could not carry (a line each), and which sessions failed, and why."""
 
-    path: Path
+    path: Path | str
     format: str
     sessions: int
     findings: tuple[str, ...] = ()
-    failures: tuple[tuple[Path, EcatError], ...] = ()
+    failures: tuple[tuple[Path | str, EcatError], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

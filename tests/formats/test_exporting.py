@@ -93,7 +93,7 @@ def test_parts_are_joined_in_the_order_of_their_paths(
     assert dest.read_text() == "hello a/one 1\nhello b/two 1\nhello c/three 1\n"
     # what was there already was not made again, and is not needed any more
     assert len(counted.made) == 3
-    assert not exporting.parts_folder(dest).exists()
+    assert not (tmp_path / ".out.parts").exists()
 
 
 @pytest.mark.parametrize("change", ["options", "session", "version", "half", "about"])
@@ -107,15 +107,15 @@ def test_a_part_that_does_not_match_is_made_again(
     if change == "options":
         options = Options(word="good day")
     elif change == "session":
-        with open_session(first.session).write() as commit:
-            commit.put_layer(open_session(first.session).layer())
+        with open_session(project / "a" / "one").write() as commit:
+            commit.put_layer(open_session(project / "a" / "one").layer())
     elif change == "version":
         newer = Format(name="joined", description="", part=counted.part, version="2", options=Options)
         monkeypatch.setattr(registry, "find", lambda name: newer)
     elif change == "half":
-        (first.folder / "data").unlink()
+        next((tmp_path / ".out.parts").glob("*/data")).unlink()
     else:
-        (first.folder / "part.json").write_text("[]")
+        next((tmp_path / ".out.parts").glob("*/part.json")).write_text("[]")
     [again, *_] = exporting.tasks_of(project, dest, chosen, options)
     assert exporting.make_part(again).findings == ("a/one lost its colours",)
     assert counted.made == ["a/one", "a/one"]

@@ -1,0 +1,136 @@
+"""Where the parts of an export wait to be joined: in a folder beside the destination, on this disk or elsewhere.
+
+A part is there or not, never half.  It says what it was made from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ecat.store import files, remote, write_new_file
+
+_ABOUT = "part.json"
+_DATA = "data"
+Findings = tuple[str, ...]
+Write = Callable[[Path], Findings]
+"""Makes the part at a path and returns findings."""
+
+
+def parts_of(dest: Path | str) -> LocalParts | RemoteParts:
+    """Those of the export that is to be at ``dest``."""
+    if isinstance(dest, str):
+        return RemoteParts(f"{dest}.parts")
+    place = dest.resolve()
+    return LocalParts(place.with_name(f".{place.name}.parts"))
+
+
+def _name(label: str) -> str:
+    return hashlib.sha256(label.encode()).hexdigest()[:20]
+
+
+def _findings(about: bytes | None, key: str) -> Findings | None:
+    """What was said when a part was made, if it is the one wanted."""
+    try:
+        said: Any = json.loads(about or b"")
+    except ValueError:
+        return None
+    if not isinstance(said, dict) or said.get("key") != key:
+        return None
+    return tuple(map(str, said.get("findings", ())))
+
+
+def _about(key: str, findings: Findings) -> bytes:
+    return json.dumps({"key": key, "findings": list(findings)}).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class LocalParts:
+    """In a folder of this machine, or of a disk that several share."""
+
+    folder: Path
+
+    def __str__(self) -> str:
+        return str(self.folder)
+
+    def known(self, label: str, key: str) -> Findings | None:
+        """The findings of the part called ``label``, if it is there and was made from ``key``."""
+        folder = self.folder / _name(label)
+        try:
+            about = (folder / _ABOUT).read_bytes()
+        except OSError:
+            return None
+        return _findings(about, key) if (folder / _DATA).exists() else None
+
+    def put(self, label: str, key: str, write: Write) -> Findings:
+        """Make a part; it is there when this returns, and not at all if it raises."""
+        folder = self.folder / _name(label)
+        staging = folder.with_name(f"{folder.name}.{secrets.token_hex(8)}.partial")
+        with files.typed_errors(f"cannot write {label}", folder, "this session is not in the export"):
+            files.make_folders(staging)
+            try:
+                findings = write(staging / _DATA)
+                write_new_file(staging / _ABOUT, [_about(key, findings)])
+                files.sync_tree(staging)
+                files.remove(folder)
+                files.rename(staging, folder)
+            except BaseException:
+                files.remove(staging)
+                raise
+        return findings
+
+    @contextmanager
+    def data(self, labels: list[str]) -> Generator[list[Path]]:
+        """Where the parts are, for the time of the block."""
+        yield [self.folder / _name(label) / _DATA for label in labels]
+
+    def remove(self) -> None:
+        """Remove all of them."""
+        files.remove(self.folder)
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteParts:
+    """At a URL."""
+
+    url: str
+
+    def __str__(self) -> str:
+        return self.url
+
+    def known(self, label: str, key: str) -> Findings | None:
+        """As of :class:`LocalParts`."""
+        return _findings(remote.read(f"{self.url}/{_name(label)}/{_ABOUT}"), key)
+
+    def put(self, label: str, key: str, write: Write) -> Findings:
+        """As of :class:`LocalParts`."""
+        url = f"{self.url}/{_name(label)}"
+        remote.remove(url)
+        with TemporaryDirectory(prefix="ecat-") as scratch:
+            folder = Path(scratch)
+            findings = write(folder / _DATA)
+            (folder / _ABOUT).write_bytes(_about(key, findings))
+            # the file that makes it a part is the last to be there
+            remote.send(folder / _DATA, f"{url}/{_DATA}")
+            remote.send(folder / _ABOUT, f"{url}/{_ABOUT}")
+        return findings
+
+    @contextmanager
+    def data(self, labels: list[str]) -> Generator[list[Path]]:
+        """Copies of the parts, for the time of the block."""
+        with TemporaryDirectory(prefix="ecat-") as scratch:
+            paths = [Path(scratch) / _name(label) for label in labels]
+            for label, path in zip(labels, paths, strict=True):
+                remote.fetch(f"{self.url}/{_name(label)}/{_DATA}", path)
+            yield paths
+
+    def remove(self) -> None:
+        """As of :class:`LocalParts`."""
+        remote.remove(self.url)
