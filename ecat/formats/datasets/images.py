@@ -1,0 +1,78 @@
+"""The images that episodes show, small and compressed, each by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecat.errors import NotFoundError
+from ecat.formats.datasets.options import DatasetOptions
+from ecat.formats.episodes import Episode, image_streams
+from ecat.store import Session
+from ecat.store.media import StreamImages, open_images
+
+
+class EpisodeImages(AbstractContextManager["EpisodeImages"]):
+    """The colour streams of a session that a data set shows, in the manifest's order: ``names``.
+
+    Raises
+    ------
+    NotFoundError : a stream that was asked for is not there.
+    """
+
+    def __init__(self, session: Session, options: DatasetOptions) -> None:
+        self._options = options
+        self.names = _chosen(session, options)
+        with ExitStack() as stack:
+            self._open: dict[str, StreamImages] = {
+                name: stack.enter_context(open_images(session, name)) for name in self.names
+            }
+            self._stack = stack.pop_all()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def jpegs(self, episode: Episode, name: str) -> Iterator[bytes]:
+        """The image of each moment as JPEG; nothing where the stream has none."""
+        shown = episode.images[name]
+        wanted = np.unique(shown[shown >= 0])
+        images = self._open[name].read([int(index) for index in wanted])
+        index, encoded = -1, b""
+        for moment in shown:
+            if moment < 0:
+                yield b""
+                continue
+            # images are shown in their order, and some twice
+            while index < moment:
+                index, encoded = int(wanted[np.searchsorted(wanted, index + 1)]), self._jpeg(next(images))
+            yield encoded
+
+    def _jpeg(self, image: NDArray[np.uint8]) -> bytes:
+        import cv2
+
+        height = self._options.height
+        if height is not None and height < image.shape[0]:
+            width = max(1, round(image.shape[1] * height / image.shape[0]))
+            image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._options.quality])
+        return encoded.tobytes()
+
+
+def _chosen(session: Session, options: DatasetOptions) -> tuple[str, ...]:
+    if options.images == "none":
+        return ()
+    there = image_streams(session)
+    wanted = [name.strip() for name in options.streams.split(",") if name.strip()]
+    if missing := [name for name in wanted if name not in there]:
+        raise NotFoundError(
+            f"cannot find stream {missing[0]} of {session.name}",
+            where=f"the streams of images are: {', '.join(there) or 'none'}",
+            fix="name one of them, or leave out the option streams",
+        )
+    return tuple(wanted) or tuple(name for name, stream in there.items() if stream.kind == "color")

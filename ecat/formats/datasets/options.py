@@ -1,0 +1,23 @@
+"""What data sets for training can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ecat.formats.episodes import EpisodeOptions
+from ecat.formats.options import option
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatasetOptions(EpisodeOptions):
+    """Options of all data sets, besides those of episodes."""
+
+    images: Literal["jpeg", "none"] = option("jpeg", "colour images of each moment as JPEG, or none")
+    height: int | None = option(
+        240, "rows of the images, which keep their shape; as recorded", least=16, most=8192
+    )
+    quality: int = option(90, "of JPEG", least=1, most=100)
+    streams: str = option(
+        "", "only these streams of images, with commas between them; otherwise all colour ones"
+    )
