@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ecat.annotate.operations.base import Edit, Operation
+from ecat.annotate.operations.near import Listed, near
 from ecat.errors import NotFoundError, OperationError
 from ecat.model import CodingScheme, Event, Relation, Role, Tier
 from ecat.model.changes import Change, Kind, from_json
@@ -102,10 +103,18 @@ def _named(edit: Edit, event: Event, old: Event | None) -> Iterator[str]:
             yield f"event {event.id}, role {role.name}: there is no {role.kind} {role.target}"
     for link in event.links:
         if link not in known and edit.document.event(link.target) is None:
-            yield f"event {event.id}, link {link.type}: there is no event {link.target}"
+            hint = _hint(edit, "event", link.target)
+            yield f"event {event.id}, link {link.type}: there is no event {link.target}{hint}"
     for reference in event.references:
         if reference.target not in known and edit.document.object(reference.target) is None:
-            yield f"event {event.id}: its text refers to object {reference.target}, which is not there"
+            hint = _hint(edit, "object", reference.target)
+            yield f"event {event.id}: its text refers to object {reference.target}, which is not there{hint}"
+
+
+def _hint(edit: Edit, kind: Listed, name: str) -> str:
+    """What may have been meant by an id that is not there."""
+    meant = near(edit.document, (kind,), name)
+    return f"; did you mean {meant}?" if meant else ""
 
 
 def _filled(edit: Edit, role: Role) -> bool:
@@ -128,7 +137,8 @@ def _nested(edit: Edit, event: Event) -> Iterator[str]:
         return
     parent = edit.document.event(event.parent)
     if parent is None:
-        yield f"event {event.id}: there is no event {event.parent} to be a part of"
+        hint = _hint(edit, "event", event.parent)
+        yield f"event {event.id}: there is no event {event.parent} to be a part of{hint}"
         return
     above = [event.id]
     here: Event | None = parent
@@ -170,7 +180,7 @@ def _relation(edit: Edit, relation: Relation, old: Relation | None) -> Iterator[
         yield f"relation {relation.id} has {len(relation.arguments)} arguments, 1 to {MOST_ARGUMENTS} are one"
     for target in relation.targets:
         if (old is None or target not in old.targets) and not _exists(edit, target):
-            yield f"relation {relation.id}: there is no object {target}"
+            yield f"relation {relation.id}: there is no object {target}{_hint(edit, 'object', target)}"
     scheme = edit.scheme
     if scheme is None or (
         old is not None and (old.predicate, old.arguments) == (relation.predicate, relation.arguments)

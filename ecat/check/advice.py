@@ -30,6 +30,7 @@ ADVICE: dict[str, str] = {
     "layer-edited": _EDIT,
     "journal-misfit": "take the journal from a copy of the session; or go on without its history: "
     "ecat check {path} --repair",
+    "journal-link": "put the journal itself in the place of the link, then examine it again: ecat check {path}",
     "reference-unchecked": "mend what cannot be read first, then examine it again: ecat check {path}",
     "table-missing": _AGAIN,
     "table-unlisted": "take {path}/session.json from a copy; a table that a stage made can be made again: "

@@ -57,6 +57,18 @@ def unmeasured_clock(patient: Patient) -> Iterator[Finding]:
     yield note("clock-unknown", "clock", f"{message}: gaps, drift and repeated frames were not looked for")
 
 
+def unmeasured_streams(patient: Patient) -> Iterator[Finding]:
+    """Beside streams of known times there may be images that nobody knows the times of."""
+    if patient.manifest.clock.rule != "recorded" or (timed := _streams(patient)) == {}:
+        return
+    for stream in patient.manifest.streams:
+        if stream.present and stream.kind in {"color", "depth", "infrared"} and stream.name not in timed:
+            message = (
+                "it is not known when its images were taken: they count as spread evenly over the session"
+            )
+            yield note("clock-unknown", f"stream {stream.name}", message)
+
+
 def uniform_clock(patient: Patient) -> Iterator[Finding]:
     """A uniform clock implies a frame rate; it must be one that cameras have."""
     clock, n = patient.manifest.clock, patient.manifest.n_frames
@@ -221,6 +233,7 @@ def frame_counts(patient: Patient) -> Iterator[Finding]:
 CLOCK = (
     recorded_clock,
     unmeasured_clock,
+    unmeasured_streams,
     uniform_clock,
     stream_frames,
     stream_drift,

@@ -10,7 +10,7 @@ from ecat import process
 from ecat.check.finding import Finding, error, warning
 from ecat.errors import EcatError, SchemaError
 from ecat.model import Layer, LayerRecord
-from ecat.store import Fault, Session, files, leftovers, validate
+from ecat.store import Fault, Session, files, layer_from_journal, leftovers, validate
 from ecat.store.manifest import journal_file, layer_file, table_file
 from ecat.store.xml import MAX_BYTES, layer_from_xml
 from ecat.tables import PUBLISHED, TABLES
@@ -21,6 +21,7 @@ ADOPT = "take the edit over and publish its tables anew"
 REMOVE = "remove it"
 RERUN = "run the stage that made it again"
 NEW_JOURNAL = "set the journal aside and begin a new one"
+REBUILD = "write it anew from its journal, and set aside what is there"
 
 
 def left_over(folder: Path, seen: set[Path]) -> Iterator[Finding]:
@@ -32,19 +33,28 @@ def left_over(folder: Path, seen: set[Path]) -> Iterator[Finding]:
 
 
 def read_layers(session: Session) -> tuple[dict[str, Layer], list[Finding]]:
-    """The readable layers (those edited outside of ecat as they are now), and what is wrong with them."""
+    """The layers that can be had (those edited outside of ecat as they are now, and those that only their journal
+    tells), and what is wrong with them.
+    """
     layers: dict[str, Layer] = {}
     findings: list[Finding] = []
     for record in session.manifest.layers:
         try:
             layers[record.name] = session.layer(record.name)
         except EcatError as damage:
+            place = f"layer {record.name}"
             try:
                 layers[record.name] = _edited(session, record)
             except EcatError as reason:
-                findings += _unreadable(record, reason)
+                layer, why_not = _from_journal(session, record)
+                if layer is not None:
+                    layers[record.name] = layer
+                repair = "" if layer is None else REBUILD
+                findings += [
+                    error("layer-unreadable", place, problem + why_not, repair)
+                    for problem in _problems(reason)
+                ]
             else:
-                place = f"layer {record.name}"
                 message = damage.where.partition(": ")[2] or damage.what
                 findings.append(error("layer-edited", place, message, ADOPT))
     if len(layers) < len(session.manifest.layers):
@@ -63,10 +73,28 @@ def _edited(session: Session, record: LayerRecord) -> Layer:
         return layer_from_xml(files.read_bytes(path, MAX_BYTES), name=record.name)
 
 
-def _unreadable(record: LayerRecord, reason: EcatError) -> Iterator[Finding]:
+def _from_journal(session: Session, record: LayerRecord) -> tuple[Layer | None, str]:
+    """A layer as its journal tells it, or why it does not."""
+    if not record.journal_revision and not (session.path / journal_file(record.name)).exists():
+        return None, ""
+    try:
+        return layer_from_journal(session, record), ""
+    except EcatError as reason:
+        return None, f"; its journal cannot replace it: {reason.where.partition(': ')[2] or reason.what}"
+
+
+def _problems(reason: EcatError) -> tuple[str, ...]:
     problems = reason.problems if isinstance(reason, SchemaError) else ()
-    for problem in problems or (reason.where or reason.what,):
-        yield error("layer-unreadable", f"layer {record.name}", problem)
+    return problems or (reason.where or reason.what,)
+
+
+def linked_journals(session: Session) -> Iterator[Finding]:
+    """Journals that are symbolic links: nothing is appended to what a link names, wherever it leads."""
+    for path in sorted((session.path / "annotations").glob("*.journal.jsonl")):
+        if path.is_symlink():
+            place = f"layer {path.name.removesuffix('.journal.jsonl')}, journal"
+            message = f"it is a symbolic link to {path.readlink()}: the layer cannot be edited"
+            yield error("journal-link", place, message)
 
 
 def published_tables(session: Session) -> Iterator[Finding]:

@@ -107,6 +107,7 @@ def _check_session(path: Path, siblings: Siblings, seen: set[Path], *, deep: boo
     layers, found = disk.read_layers(session)
     found += disk.published_tables(session)
     found += disk.irregular_streams(session)
+    found += disk.linked_journals(session)
     found += disk.damaged_files(session, found, deep=deep)
     found += disk.stale_tables(session, found)
     found += disk.unlisted_tables(session)

@@ -11,9 +11,9 @@ from ecat.check import disk
 from ecat.check.finding import Finding
 from ecat.errors import EcatError, InputError
 from ecat.progress import Progress, silent
-from ecat.store import adopt_edited_layers, begin_journal, open_session, remove_leftovers
+from ecat.store import adopt_edited_layers, begin_journal, open_session, rebuild_layer, remove_leftovers
 
-ORDER = (disk.REMOVE, disk.NEW_JOURNAL, disk.ADOPT, disk.REPUBLISH, disk.RERUN)
+ORDER = (disk.REMOVE, disk.REBUILD, disk.NEW_JOURNAL, disk.ADOPT, disk.REPUBLISH, disk.RERUN)
 """Each repair needs what the ones before it have mended."""
 
 
@@ -52,6 +52,10 @@ def repair(path: Path, findings: Sequence[Finding], progress: Progress = silent)
 def _repair(folder: Path, kind: str, findings: Iterable[Finding]) -> None:
     if kind == disk.REMOVE:
         remove_leftovers(folder)
+    elif kind == disk.REBUILD:
+        session = open_session(folder)
+        for name in dict.fromkeys(finding.place.removeprefix("layer ") for finding in findings):
+            rebuild_layer(session, name)
     elif kind == disk.NEW_JOURNAL:
         session = open_session(folder)
         for finding in findings:

@@ -24,8 +24,10 @@ INTERRUPTED = 130
 BUG = 3
 
 VERBS = (
+    "project",
     "import",
     "info",
+    "file",
     "box",
     "process",
     "calibrate",

@@ -13,7 +13,7 @@ import click
 from ecat.cli.output import Output
 from ecat.cli.text import columns, count
 from ecat.cli.verb import Verb, verb
-from ecat.errors import UsageError
+from ecat.errors import EcatError, UsageError
 
 if TYPE_CHECKING:
     from ecat.annotate import Editor, Record
@@ -26,6 +26,9 @@ Moment = Callable[[str], int]
 _SECONDS = re.compile(r"(\d+(?:\.\d+)?)s")
 
 path_argument = click.argument("path", type=click.Path(path_type=Path), help="The session.")
+paths_argument = click.argument(
+    "path", type=click.Path(path_type=Path), help="The session, or a project: each of its sessions."
+)
 layer_option = click.option(
     "--layer", default="main", show_default=True, help="The layer, usually one per annotator."
 )
@@ -41,30 +44,60 @@ steps_option = click.option(
 )
 
 
-def edits(name: str, *, examples: tuple[str, ...]) -> Callable[[Callable[..., Fields | list[Fields]]], Verb]:
+def edits(
+    name: str, *, examples: tuple[str, ...], of_projects: bool = False
+) -> Callable[[Callable[..., Fields | list[Fields]]], Verb]:
     """Make a verb of a function that returns the operation meant, or several, as data.
 
     The function is called with the options and ``at``, which turns what was typed for a frame into one.  What it
-    returns is one step for undo.
+    returns is one step for undo.  If the verb is ``of_projects``, it may be given one: each of its sessions is edited.
     """
 
     def make(build: Callable[..., Fields | list[Fields]]) -> Verb:
         @wraps(build)
-        def run(out: Output, path: Path, layer: str, author: str | None, **options: Any) -> None:
+        def run(out: Output, path: Path, layer: str, author: str | None, **options: Any) -> int:
+            from ecat.store import find_sessions
+
+            if of_projects and (folders := find_sessions(path)) != [path]:
+                return _edit_all(out, path, folders, lambda folder: step(folder, layer, author, options))
+            report(out, layer, step(path, layer, author, options))
+            return 0
+
+        def step(path: Path, layer: str, author: str | None, options: dict[str, Any]) -> Record:
             from ecat.annotate import operation_from_dict
 
             with editing(path, layer, author, new=True) as editor:
                 said = build(moments(editor.session), **options)
-                operations = [
-                    operation_from_dict(fields) for fields in ([said] if isinstance(said, dict) else said)
-                ]
-                report(out, editor, editor.apply(operations))
+                listed = [said] if isinstance(said, dict) else said
+                return editor.apply([operation_from_dict(fields) for fields in listed])
 
-        for option in (author_option, layer_option, path_argument):
+        for option in (author_option, layer_option, paths_argument if of_projects else path_argument):
             run = option(run)
         return verb(name, examples=examples)(run)
 
     return make
+
+
+def _edit_all(out: Output, root: Path, folders: Sequence[Path], step: Callable[[Path], Record]) -> int:
+    """Edit sessions one after the other; what stops one does not stop the others."""
+    done: list[dict[str, Any]] = []
+    failed: list[dict[str, Any]] = []
+    lines: list[str] = []
+    with out.progress() as progress:
+        for i, folder in enumerate(folders):
+            name = folder.relative_to(root).as_posix()
+            progress(name, i, len(folders))
+            try:
+                record = step(folder)
+            except EcatError as error:
+                failed.append({"session": name, "error": error.to_dict()})
+                lines.append(f"{name}: {error}")
+            else:
+                changes = sum(change.kind != "layer" for change in record.changes)
+                done.append({"session": name, "revision": record.revision, "changes": changes})
+                lines.append(f"{name}: {count(changes, 'change')}, revision {record.revision}")
+    out.result({"sessions": done, "failures": failed}, "\n".join(lines) or "no sessions", ok=not failed)
+    return 1 if failed else 0
 
 
 def editing(path: Path, layer: str, author: str | None, *, new: bool = False) -> Editor:
@@ -79,18 +112,18 @@ def editing(path: Path, layer: str, author: str | None, *, new: bool = False) ->
     return Editor(session, layer, author or default_author())
 
 
-def report(out: Output, editor: Editor, record: Record) -> None:
+def report(out: Output, layer: str, record: Record) -> None:
     """Say what an edit did, to whom it may be needed again."""
     changes = list(record.changes)
     data = {
-        "layer": editor.name,
+        "layer": layer,
         "revision": record.revision,
         "operation": record.operation,
         "changes": [change.to_dict() for change in changes],
         "added": [change.id for change in changes if change.before is None and change.kind != "layer"],
     }
     lines = [_said(change) for change in changes if change.kind != "layer"]
-    out.result(data, "\n".join([*lines, f"revision {record.revision} of layer {editor.name}"]))
+    out.result(data, "\n".join([*lines, f"revision {record.revision} of layer {layer}"]))
 
 
 def _said(change: Change) -> str:

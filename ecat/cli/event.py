@@ -250,8 +250,28 @@ def refer(at: Moment, event: str, characters: str, target: str | None, *, remove
 
 
 @edits(
+    "actions",
+    examples=("ecat event actions my_session a1 0:5=slide", "ecat event actions my_session a1"),
+)
+@_EVENT
+@click.argument(
+    "actions",
+    nargs=-1,
+    metavar="[START:END=TYPE]...",
+    help="Characters of the text, from 0, and the action's type.",
+)
+def actions_(at: Moment, event: str, actions: tuple[str, ...]) -> Fields:
+    """Say which words of an event's text name actions; those that were marked before are not any more."""
+    del at
+    marked = [(*spans([place], int)[0], kind) for place, kind in pairs(actions, "action").items()]
+    said = [{"start": start, "end": end, "type": kind} for start, end, kind in marked]
+    return {"op": "set_predicates", "id": event, "predicates": said}
+
+
+@edits(
     "find-references",
     examples=("ecat event find-references my_session", "ecat event find-references my_session a1 a2"),
+    of_projects=True,
 )
 @click.argument("events", nargs=-1, help="Of which events; all by default.")
 def find_references(at: Moment, events: tuple[str, ...]) -> Fields:
@@ -262,7 +282,11 @@ def find_references(at: Moment, events: tuple[str, ...]) -> Fields:
 
 @edits(
     "windows",
-    examples=("ecat event windows my_session --step 5 --duration 20 --tier window",),
+    examples=(
+        "ecat event windows my_session --step 5 --duration 20 --tier window",
+        "ecat event windows my_project --step 5 --duration 20 --tier window",
+    ),
+    of_projects=True,
 )
 @click.option("--start", default=0, show_default=True, help="First frame of the first window.")
 @click.option("--step", type=int, required=True, help="Frames from window to window.")
@@ -300,6 +324,7 @@ command = Group(
         role,
         slots,
         refer,
+        actions_,
         find_references,
         windows,
     ),

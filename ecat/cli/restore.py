@@ -24,4 +24,4 @@ def command(out: Output, path: Path, revision: int, layer: str, author: str | No
     That is an edit like any other: nothing in between is lost, and it can be undone.
     """
     with editing(path, layer, author) as editor:
-        report(out, editor, editor.restore(revision))
+        report(out, layer, editor.restore(revision))

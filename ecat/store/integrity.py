@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ecat.errors import EcatError, LockedError
+from ecat.errors import EcatError, LockedError, NotFoundError
 from ecat.model import Layer, LayerRecord, Stream, TableRecord
 from ecat.model.document import Document
 from ecat.store import files
@@ -19,7 +20,7 @@ from ecat.store.manifest import journal_file, layer_file
 from ecat.store.session import Session
 from ecat.store.transaction import new_id, noted_files, settle
 from ecat.store.xml import MAX_BYTES as MAX_LAYER_BYTES
-from ecat.store.xml import layer_from_xml
+from ecat.store.xml import layer_from_xml, layer_to_xml
 from ecat.tables import PUBLISHED
 
 _FOLDERS = ("", "tables", "annotations")
@@ -131,6 +132,59 @@ def _continued(session: Session, record: LayerRecord, layer: Layer) -> tuple[Lay
         journal.apply(document, step)
         place = behind
     return document.layer(), place
+
+
+def layer_from_journal(session: Session, record: LayerRecord) -> Layer:
+    """A layer as it is in its XML, from its journal alone.
+
+    Raises
+    ------
+    CorruptError : the journal does not tell all of it, from the beginning to where the XML was written.
+    """
+    journal, written = (
+        Journal(session.path, record.name),
+        Place(record.journal_revision, record.journal_bytes),
+    )
+    if journal.path.is_symlink():
+        raise journal.damaged("a symbolic link, not the journal itself")
+    layer, place = journal.replay(written.revision)
+    if place != written:
+        raise journal.damaged(f"revision {written.revision} does not end at byte {written.offset}")
+    if layer.name != record.name:
+        raise journal.damaged(f"it is that of layer {layer.name}")
+    return layer
+
+
+def rebuild_layer(session: Session, name: str) -> None:
+    """Write the XML of a layer anew, from its journal; what is there instead is set aside.
+
+    Raises
+    ------
+    NotFoundError : there is no such layer.
+    CorruptError : the journal does not tell all of it.
+    LockedError, DiskError, ReadOnlyError : the layer could not be written.
+    """
+    what = f"cannot make layer {name} from its journal"
+    with session.hold() as manifest, files.typed_errors(what, session.path, "nothing was lost"):
+        record = manifest.layer(name)
+        if record is None:
+            raise NotFoundError(
+                what, where=f"{session.path}: it has no such layer", fix="name one of its layers"
+            )
+        data = layer_to_xml(layer_from_journal(session, record))
+        path = files.confined(session.path, layer_file(name))
+        files.make_folder(path.parent)
+        new = path.with_name(f".{path.name}.{new_id()}.new")
+        with files.NewFile(new) as file:
+            file.write(data)
+        files.sync(new)
+        if path.exists() or path.is_symlink():
+            files.rename(path, path.with_name(f"{name}.{new_id()}.old"))
+        files.rename(new, path)
+        files.sync(path.parent)
+    if hashlib.sha256(data).hexdigest() != record.sha256:
+        # the same layer, as another version of ecat writes it
+        adopt_edited_layers(session.refresh())
 
 
 def begin_journal(session: Session, name: str) -> None:

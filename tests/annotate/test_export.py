@@ -28,6 +28,7 @@ def annotate(session: Session) -> Layer:
         do(editor, event(10, 40, tier="event"), event(50, 60, tier="event", text="lost"))
         do(editor, op("link_events", id="a2", type="CAUSE", target="a1"))
         do(editor, op("set_predicates", id="a1", predicates=[{"start": 0, "end": 3, "type": "cup"}]))
+        do(editor, op("edit_event", id="a1", type="cup"))
         do(editor, relation("SUPPORT", "o2", "o1", start=3), relation("STAND", "o1", start=5))
         do(editor, relation("STAND", "o1", start=9, polarity=False))
         do(editor, op("remove_event", id="a3"))
@@ -64,7 +65,7 @@ def _plain(thing: AnnotatedObject) -> AnnotatedObject:
     return replace(thing, stream="", key_frames=tuple(replace(key, t_ns=None) for key in thing.key_frames))
 
 
-def test_sub_events_are_links(session: Session, tmp_path: Path) -> None:
+def test_sub_events_come_back(session: Session, tmp_path: Path) -> None:
     with Editor(session) as editor:
         do(
             editor,
@@ -73,7 +74,8 @@ def test_sub_events_are_links(session: Session, tmp_path: Path) -> None:
             op("add_event", segments=[[0, 5], [9, 12]]),
         )
     found = trip(session, tmp_path).layer()
-    assert [(link.type, link.target) for link in found.events[0].links] == [("SUBEVENT", "a2")]
+    assert [e.parent for e in found.events] == [None, "a1", None]
+    assert found.events[0].links == ()
     # ECAT has one span per event
     assert [(s.start_frame, s.end_frame) for s in found.events[2].segments] == [(0, 12)]
 

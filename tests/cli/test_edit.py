@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -274,3 +275,54 @@ def test_a_file_that_is_no_scheme_is_refused(ecat: Ecat, empty: Path, tmp_path: 
     result = ecat("scheme", "import", empty, tmp_path / "x.xml")
     assert result.code == 1
     assert "neither a coding scheme" in result.err
+
+
+def test_words_that_name_actions_are_marked_and_unmarked(ecat: Ecat, empty: Path) -> None:
+    [event] = added(ecat, "event", "add", empty, "--span", "1:9", "--text", "slides and drops it")
+    assert ecat("event", "actions", empty, event, "0:6=slide", "11:16=drop").code == 0
+    [found] = open_session(empty).layer("main").events
+    assert [(found.text[p.start : p.end], p.type) for p in found.predicates] == [
+        ("slides", "slide"),
+        ("drops", "drop"),
+    ]
+    assert ecat("event", "actions", empty, event).code == 0
+    assert open_session(empty).layer("main").events[0].predicates == ()
+
+
+@pytest.fixture
+def project(ecat: Ecat, empty: Path) -> Path:
+    """Two sessions of nobody's, and one that cannot be read."""
+    project = empty.parent / "project"
+    assert ecat("project", "new", project).code == 0
+    for name in ("a", "b", "broken"):
+        shutil.copytree(empty, project / name)
+    (project / "broken" / "session.json").write_text("{")
+    return project
+
+
+def test_windows_of_a_whole_project(ecat: Ecat, project: Path) -> None:
+    result = ecat("event", "windows", project, "--step", 100, "--duration", 50, "--tier", "window", "--json")
+    assert result.code == 1, "what stops one session does not stop the others"
+    assert [(row["session"], row["changes"]) for row in result.json["sessions"]] == [("a", 3), ("b", 3)]
+    assert [row["session"] for row in result.json["failures"]] == ["broken"]
+    for name in ("a", "b"):
+        starts = [e.segments[0].start_frame for e in open_session(project / name).layer().events]
+        assert starts == [0, 100, 200]
+
+
+def test_references_in_the_texts_of_a_whole_project(ecat: Ecat, project: Path) -> None:
+    shutil.rmtree(project / "broken")
+    for name in ("a", "b"):
+        added(ecat, "object", "add", project / name, "--kind", "other", "--name", "mug")
+        added(ecat, "event", "add", project / name, "--span", "1:9", "--text", f"the mug of {name}")
+    result = ecat("event", "find-references", project)
+    assert (result.code, result.out.splitlines()) == (
+        0,
+        ["a: 1 change, revision 3", "b: 1 change, revision 3"],
+    )
+    found = [open_session(project / name).layer().events[0].references for name in ("a", "b")]
+    assert [[r.target for r in references] for references in found] == [["o1"], ["o1"]]
+
+
+def test_other_edits_are_of_one_session(ecat: Ecat, project: Path) -> None:
+    assert ecat("event", "remove", project, "a1").code == 1

@@ -9,8 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from ecat.model import AnnotatedObject, Clock, Event, Layer, Manifest, Segment
-from ecat.store import Draft, Session, TableData, create_session, open_session, validate
+from ecat.model.changes import diff
+from ecat.model.record import Record
+from ecat.store import Draft, Journal, Session, TableData, create_session, open_session, validate
 from ecat.store.commit import Commit
+from ecat.store.journal import START
 from ecat.tables import TABLES
 
 MANIFEST = Manifest(
@@ -102,3 +105,37 @@ def number_at(path: Path) -> int:
     session = open_session(path)
     assert validate(session, deep=True) == []
     return number_of(session)
+
+
+def edited(old: Layer, number: int) -> Layer:
+    """The layer with one more event."""
+    event = Event(id=f"n{number}", segments=(Segment(start_frame=number, end_frame=number + 1),))
+    return replace(old, events=(*old.events, event))
+
+
+def record(revision: int, old: Layer, new: Layer) -> Record:
+    """A step from one layer to another."""
+    return Record(
+        revision=revision,
+        author="ann",
+        time="2020-01-01T00:00:00.000Z",
+        operation={"op": "x"},
+        changes=diff(old, new),
+    )
+
+
+def append(session: Session, steps: int = 1) -> list[Layer]:
+    """Append steps to the journal of ``main``, and return every state, the one before them first."""
+    journal = Journal(session.path, "main")
+    states = [journal.replay()[0] if journal.size() else session.layer()]
+    sha256 = session.manifest.layers[0].sha256
+    with journal.hold() as held:
+        news = held.news(START)
+        place = news[-1][1] if news else START
+        for _ in range(steps):
+            new = edited(states[-1], place.revision + 1)
+            place = held.append(
+                place, [record(place.revision + 1, states[-1], new)], base=states[-1], sha256=sha256
+            )
+            states.append(new)
+    return states

@@ -8,19 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from ecat.errors import FormatError
+from ecat.errors import CorruptError, FormatError, NotFoundError
 from ecat.model import Stream
 from ecat.store import (
     Draft,
+    Journal,
     Session,
     adopt_edited_layers,
     create_session,
+    integrity,
     leftovers,
     open_session,
+    rebuild_layer,
     remove_leftovers,
     validate,
 )
-from tests.store.sessions import MANIFEST, layer, make, number_at
+from ecat.store.xml import layer_to_xml
+from tests.store.sessions import MANIFEST, append, layer, make, number_at
 
 
 def damage(path: Path, old: bytes, new: bytes) -> None:
@@ -97,6 +101,47 @@ def test_an_edit_that_is_no_layer_any_more_changes_nothing(session: Session) -> 
     with pytest.raises(FormatError, match="main"):
         adopt_edited_layers(session)
     assert open_session(session.path).manifest == session.manifest
+
+
+class TestRebuilding:
+    """The XML of a layer, made from its journal."""
+
+    @pytest.fixture
+    def lost(self, session: Session) -> Session:
+        """A session with a history, and without the XML of its layer."""
+        append(session, 3)
+        made = open_session(session.path)
+        (session.path / "annotations/main.xml").unlink()
+        return made
+
+    def test_what_was_lost_is_as_it_was(self, lost: Session) -> None:
+        rebuild_layer(lost, "main")
+        assert validate(open_session(lost.path), deep=True) == []
+        assert open_session(lost.path).manifest == lost.manifest
+        assert len(lost.layer().events) == 4
+
+    def test_a_layer_that_is_written_otherwise_by_now_is_taken_over(
+        self, lost: Session, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        revision = lost.manifest.revision
+        # as by a later version of ecat
+        monkeypatch.setattr(integrity, "layer_to_xml", lambda it: layer_to_xml(it) + b"<!-- version 9 -->")
+        rebuild_layer(lost, "main")
+        session = open_session(lost.path)
+        assert validate(session, deep=True) == []
+        assert session.manifest.revision == revision + 1
+        assert len(session.layer().events) == 4
+        assert len(list(Journal(session.path, "main").records())) == 3, "nobody edited anything"
+
+    def test_there_has_to_be_such_a_layer(self, session: Session) -> None:
+        with pytest.raises(NotFoundError):
+            rebuild_layer(session, "gold")
+
+    def test_a_layer_without_a_journal_is_left_alone(self, session: Session) -> None:
+        (session.path / "annotations/main.xml").write_bytes(b"?")
+        with pytest.raises(CorruptError, match="cannot use the journal of layer main"):
+            rebuild_layer(session, "main")
+        assert (session.path / "annotations/main.xml").read_bytes() == b"?"
 
 
 def test_leftovers_are_ignored_then_removed(session: Session) -> None:

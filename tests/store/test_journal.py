@@ -10,47 +10,10 @@ from pathlib import Path
 import pytest
 
 from ecat.errors import CorruptError, DiskError, StaleError, UsageError
-from ecat.model import Event, Layer, Segment
-from ecat.model.changes import diff
-from ecat.model.record import Record
 from ecat.store import Journal, Place, Session, open_session, validate
 from ecat.store.journal import START
 from tests.store.conftest import Steps
-from tests.store.sessions import layer
-
-
-def edited(old: Layer, number: int) -> Layer:
-    """The layer with one more event."""
-    event = Event(id=f"n{number}", segments=(Segment(start_frame=number, end_frame=number + 1),))
-    return replace(old, events=(*old.events, event))
-
-
-def record(revision: int, old: Layer, new: Layer) -> Record:
-    """A step from one layer to another."""
-    return Record(
-        revision=revision,
-        author="ann",
-        time="2020-01-01T00:00:00.000Z",
-        operation={"op": "x"},
-        changes=diff(old, new),
-    )
-
-
-def append(session: Session, steps: int = 1) -> list[Layer]:
-    """Append steps to the journal of ``main``, and return every state, the one before them first."""
-    journal = Journal(session.path, "main")
-    states = [journal.replay()[0] if journal.size() else session.layer()]
-    sha256 = session.manifest.layers[0].sha256
-    with journal.hold() as held:
-        news = held.news(START)
-        place = news[-1][1] if news else START
-        for _ in range(steps):
-            new = edited(states[-1], place.revision + 1)
-            place = held.append(
-                place, [record(place.revision + 1, states[-1], new)], base=states[-1], sha256=sha256
-            )
-            states.append(new)
-    return states
+from tests.store.sessions import append, edited, layer, record
 
 
 def test_there_is_no_journal_before_the_first_step(session: Session) -> None:

@@ -12,9 +12,17 @@ from pathlib import Path
 import pytest
 
 from ecat.errors import StaleError
-from ecat.store import Journal, Session, leftovers, open_session, remove_leftovers
+from ecat.store import (
+    Journal,
+    Session,
+    leftovers,
+    open_session,
+    rebuild_layer,
+    remove_leftovers,
+    validate,
+)
 from tests.store.conftest import Writers
-from tests.store.sessions import make, number_at, number_of
+from tests.store.sessions import append, make, number_at, number_of
 
 KILLS = int(os.environ.get("ECAT_TEST_KILLS", "60"))
 """How many processes are killed at random instants; more find rarer faults."""
@@ -96,6 +104,38 @@ def test_a_death_before_any_step_leaves_the_old_state_or_the_new_one(
     assert outcomes == sorted(outcomes), "an earlier death got further than a later one"
     assert set(outcomes) == {0, 1}
     assert len(outcomes) > 30
+
+
+@pytest.mark.parametrize("content", [None, b"<annotation"], ids=["gone", "cut"])
+def test_a_death_before_any_step_of_rebuilding_a_layer_leaves_one_that_can_be_rebuilt(
+    content: bytes | None, session: Session, tmp_path: Path, writers: Writers
+) -> None:
+    append(session, 2)
+    wanted, whole = open_session(session.path).layer(), (session.path / "annotations/main.xml").read_bytes()
+    (session.path / "annotations/main.xml").unlink()
+    if content is not None:
+        (session.path / "annotations/main.xml").write_bytes(content)
+    outcomes: list[bool] = []
+    for step in range(100):
+        place = tmp_path / "place"
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(session.path, place)
+        xml, answers = place / "annotations/main.xml", writers.run("once", step, "rebuild", place)
+        outcomes.append(xml.exists() and xml.read_bytes() == whole)
+        aside = [path.read_bytes() for path in xml.parent.glob("*.old")]
+        if content is not None:
+            there = [xml.read_bytes()] if xml.exists() else []
+            assert content in [*aside, *there], "what was there is lost"
+        rebuild_layer(open_session(place), "main")
+        assert open_session(place).layer() == wanted
+        assert validate(open_session(place), deep=True) == []
+        remove_leftovers(place)
+        assert not list(place.rglob(".*"))
+        if answers == ["done"]:
+            break
+        assert answers == []
+    assert outcomes == sorted(outcomes), "an earlier death got further than a later one"
+    assert set(outcomes) == {False, True}
 
 
 def test_a_killed_journal_keeps_what_was_acknowledged(session: Session, writers: Writers) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from ecat.errors import EcatError, LockedError, StaleError
 from ecat.model.record import Record
-from ecat.store import Journal, create_session, files, open_session
+from ecat.store import Journal, create_session, files, open_session, rebuild_layer
 from ecat.store.journal import START
 from tests.store.sessions import draft, layer, make, number_of, write
 
@@ -52,6 +52,12 @@ def journal(path: Path) -> int:
     return new.revision
 
 
+def rebuild(path: Path) -> int:
+    """Write the XML of the layer anew."""
+    rebuild_layer(open_session(path), "main")
+    return 0
+
+
 def add(path: Path, times: int) -> int:
     """Add one to the session's number, ``times`` times, whoever else does the same."""
     session = open_session(path)
@@ -65,7 +71,12 @@ def add(path: Path, times: int) -> int:
     return done
 
 
-ACTIONS: dict[str, Callable[[Path], int]] = {"commit": commit, "create": create, "journal": journal}
+ACTIONS: dict[str, Callable[[Path], int]] = {
+    "commit": commit,
+    "create": create,
+    "journal": journal,
+    "rebuild": rebuild,
+}
 
 
 def say(line: str) -> None:

@@ -10,11 +10,13 @@ from ecat.annotate.agreement.compare import PAIRING_IOU
 from ecat.annotate.agreement.facts import event_spans, last_frame, relation_spans
 from ecat.annotate.agreement.objects import match_objects
 from ecat.annotate.agreement.spans import Match, Span, match_spans
-from ecat.model import Event, Layer
+from ecat.model import AnnotatedObject, Event, Layer
 from ecat.model.scheme import ECAT_2018_SCHEME, CodingScheme
 
 SAME_EDGE_FRAMES = 2
 """Edges that differ by no more count as the same: nobody sees the difference."""
+SAME_SHAPE_IOU = 0.9
+"""Shapes that overlap by as much on average count as the same."""
 _ANY_IOU = 1e-9
 
 
@@ -23,8 +25,9 @@ class Disagreement:
     """One thing that two annotators see differently.
 
     ``first`` and ``second`` are the ids in their layers, None where one of them says nothing (of a relation: of all
-    that state the fact, apart by spaces); ``differs`` names what is different (``only``, ``type``, ``start``, ``end``,
-    ``tier``, ``parent``, ``roles``, ``text``, ``relation``).
+    that state the fact, apart by spaces); ``differs`` names what is different (``only``; of events and relations
+    ``type``, ``start``, ``end``, ``tier``, ``parent``, ``roles``, ``text``; of objects ``name``, ``kind``,
+    ``semantic type``, ``shape``).
     """
 
     kind: Literal["object", "event", "relation"]
@@ -44,11 +47,12 @@ def disagreements(
     Events are paired by type and overlap; those left over are paired by overlap alone, and then differ in type.
     """
     n_frames = n_frames or last_frame((first, second))
-    same = {a: b for a, (b, _) in match_objects(first.objects, second.objects).items()}
+    matched = match_objects(first.objects, second.objects)
+    same = {a: b for a, (b, _) in matched.items()}
     found = [
         *_events(first, second, n_frames, same),
         *_relations(first, second, n_frames, same, scheme),
-        *_objects(first, second, same, n_frames),
+        *_objects(first, second, matched, n_frames),
     ]
     return sorted(found, key=lambda d: (d.kind != "event", d.start_frame, -d.end_frame, d.label))
 
@@ -138,16 +142,36 @@ def _edges(a: Span, b: Span) -> tuple[str, ...]:
     return tuple(name for name, frames in differences.items() if abs(frames) > SAME_EDGE_FRAMES)
 
 
-def _objects(first: Layer, second: Layer, same: Mapping[str, str], n_frames: int) -> list[Disagreement]:
-    paired = set(same.values())
-    alone = [(thing, True) for thing in first.objects if thing.id not in same]
-    alone += [(thing, False) for thing in second.objects if thing.id not in paired]
+def _objects(
+    first: Layer, second: Layer, matched: Mapping[str, tuple[str, float]], n_frames: int
+) -> list[Disagreement]:
+    theirs, paired = {thing.id: thing for thing in second.objects}, {b for b, _ in matched.values()}
     found: list[Disagreement] = []
-    for thing, is_first in alone:
-        start = min((max(key.frame, 0) for key in thing.key_frames), default=0)
-        span = Span(thing.id, thing.name or thing.id, ((start, max(n_frames, start + 1)),))
-        found.append(_disagreement("object", *((span, None) if is_first else (None, span)), ("only",)))
-    return found
+    for thing in first.objects:
+        a = _life(thing, n_frames)
+        if thing.id not in matched:
+            found.append(_disagreement("object", a, None, ("only",)))
+            continue
+        other, alike = matched[thing.id]
+        if differs := _object_differences(thing, theirs[other], alike):
+            found.append(_disagreement("object", a, _life(theirs[other], n_frames), differs))
+    alone = (thing for thing in second.objects if thing.id not in paired)
+    return found + [_disagreement("object", None, _life(thing, n_frames), ("only",)) for thing in alone]
+
+
+def _life(thing: AnnotatedObject, n_frames: int) -> Span:
+    start = min((max(key.frame, 0) for key in thing.key_frames), default=0)
+    return Span(thing.id, thing.name or thing.id, ((start, max(n_frames, start + 1)),))
+
+
+def _object_differences(a: AnnotatedObject, b: AnnotatedObject, alike: float) -> tuple[str, ...]:
+    differences = {
+        "name": a.name != b.name,
+        "kind": a.kind != b.kind,
+        "semantic type": a.semantic_type != b.semantic_type,
+        "shape": alike < SAME_SHAPE_IOU,
+    }
+    return tuple(name for name, differ in differences.items() if differ)
 
 
 def _disagreement(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Literal
 
+from ecat.annotate.operations.near import Listed, advice
 from ecat.errors import OperationError
 from ecat.model import AnnotatedObject, CodingScheme, Event, KeyFrame, Layer, Relation, Segment
 from ecat.model.annotation import Decision
@@ -44,9 +45,9 @@ class Operation(ABC):
         """
 
 
-def refusal(operation: str, where: str, fix: str = "") -> OperationError:
+def refusal(operation: str, where: str, fix: str) -> OperationError:
     """The error of an operation that cannot be done."""
-    return OperationError(f"cannot {operation.replace('_', ' ')}", where=where, fix=fix or "correct it")
+    return OperationError(f"cannot {operation.replace('_', ' ')}", where=where, fix=fix)
 
 
 @dataclass
@@ -94,24 +95,28 @@ class Edit:
 
     def object(self, name: str) -> AnnotatedObject:
         """The object with this id, or an error."""
-        return self._found(self.document.object(name), "object", name)
+        return self._found(self.document.object(name), ("object",), name)
 
     def event(self, name: str) -> Event:
         """The event with this id, or an error."""
-        return self._found(self.document.event(name), "event", name)
+        return self._found(self.document.event(name), ("event",), name)
 
     def relation(self, name: str) -> Relation:
         """The relation with this id, or an error."""
-        return self._found(self.document.relation(name), "relation", name)
+        return self._found(self.document.relation(name), ("relation",), name)
 
-    def _found(self, element: Any, kind: str, name: str) -> Any:
+    def owner(self, name: str) -> AnnotatedObject | Event:
+        """The object or event with this id, or an error."""
+        element = self.document.object(name) or self.document.event(name)
+        return self._found(element, ("object", "event"), name)
+
+    def _found(self, element: Any, kinds: tuple[Listed, ...], name: str) -> Any:
         if element is None:
-            raise self.refusal(
-                f"layer {self.document.name} has no {kind} {name}", "name one that it has; ids are o1, a1, r1"
-            )
+            where = f"layer {self.document.name} has no {' or '.join(kinds)} {name}"
+            raise self.refusal(where, advice(self.document, kinds, name))
         return element
 
-    def refusal(self, where: str, fix: str = "") -> OperationError:
+    def refusal(self, where: str, fix: str) -> OperationError:
         """The error of the operation at work."""
         return refusal(self.op, where, fix)
 
@@ -187,14 +192,10 @@ class Edit:
         ------
         OperationError : ``wanted`` is no id, or is taken.
         """
+        if wanted is None:
+            return self.new_ids(kind, 1)[0]
         counter, prefix = f"{kind}_counter", _PREFIXES[kind]
         last: int = getattr(self.document.header, counter)
-        if wanted is None:
-            number = last + 1
-            while self.document.element(kind, f"{prefix}{number}") is not None:
-                number += 1
-            self.set_header(**{counter: number})
-            return f"{prefix}{number}"
         if not _ID.fullmatch(wanted):
             raise self.refusal(f"{wanted!r:.80} is no id", "take up to 64 letters, digits, '_', '.' and '-'")
         if any(self.document.element(k, wanted) is not None for k in _PREFIXES):  # type: ignore[arg-type]
@@ -203,6 +204,18 @@ class Edit:
         if wanted.startswith(prefix) and digits.isdigit() and last < int(digits) < MOST_FRAMES:
             self.set_header(**{counter: int(digits)})
         return wanted
+
+    def new_ids(self, kind: Literal["object", "event", "relation"], n: int) -> list[str]:
+        """The next ``n`` ids that nothing has, and nothing removed had."""
+        counter, prefix = f"{kind}_counter", _PREFIXES[kind]
+        number: int = getattr(self.document.header, counter)
+        found: list[str] = []
+        while len(found) < n:
+            number += 1
+            if self.document.element(kind, f"{prefix}{number}") is None:
+                found.append(f"{prefix}{number}")
+        self.set_header(**{counter: number})
+        return found
 
     def frame(self, frame: int, *, end: bool = False) -> int:
         """``frame`` if it is one of the recording, or (``end``) the one after the last.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ecat.annotate.operations.base import Edit, Operation
+from ecat.annotate.operations.near import advice
 from ecat.annotate.operations.text import moved_spans
 from ecat.annotate.operations.uses import forget_event, rename_event
 from ecat.model import Event, Role, Segment
@@ -116,7 +117,10 @@ class SplitEvent(Operation):
         extent = span(edit.event(self.id))
         if extent is None or not extent[0] < self.frame < extent[1]:
             where = "nowhere" if extent is None else f"at frames {extent[0]} to {extent[1]}"
-            raise edit.refusal(f"event {self.id} is {where}, frame {self.frame} is not inside of it")
+            raise edit.refusal(
+                f"event {self.id} is {where}, frame {self.frame} is not inside of it",
+                "name a frame after its first and before its end",
+            )
         seconds: dict[str, str] = {}
         for event in edit.document.tree(self.id):
             start, end = span(event) or (0, 0)
@@ -204,9 +208,11 @@ def role_of(edit: Edit, name: str, target: str) -> Role:
         return Role(name=name, target=target, kind="joint")
     if edit.document.event(target) is not None:
         return Role(name=name, target=target, kind="event")
+    owner = target.partition("/")[0]
     raise edit.refusal(
         f"role {name}: there is no object or event {target}",
-        "name an object (o1), a joint of one (o1/HandRight), or an event (a1)",
+        f"name an object, a joint of one (o1/HandRight), or an event; "
+        f"{advice(edit.document, ('object', 'event'), owner)}",
     )
 
 

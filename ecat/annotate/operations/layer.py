@@ -50,21 +50,24 @@ class AddWindows(Operation):
                 event = edit.document.event(name)
                 if event is not None and event.tier == tier:
                     remove_tree(edit, name)
-        for start in self._starts(edit):
-            end = start + self.duration
-            same = [e for e in edit.document.overlapping(tier, start, end) if spans_of(e) == [(start, end)]]
-            if same and self.existing == "skip":
-                continue
-            if self.existing == "replace":
-                for event in same:
-                    if edit.document.event(event.id) is not None:
-                        remove_tree(edit, event.id)
+        spans = [(start, start + self.duration) for start in self._starts(edit)]
+        if self.existing in {"skip", "replace"}:
+            spans = [pair for pair in spans if self._is_free(edit, tier, pair)]
+        for name, pair in zip(edit.new_ids("event", len(spans)), spans, strict=True):
             edit.put(
                 Event(
-                    id=edit.new_id("event"), type=self.type, tier=tier, text=self.text, author=edit.author,
-                    segments=edit.segments([(start, end)]),
+                    id=name, type=self.type, tier=tier, text=self.text, author=edit.author,
+                    segments=(edit.segment(*pair),),
                 )
             )  # fmt: skip
+
+    def _is_free(self, edit: Edit, tier: str, pair: tuple[int, int]) -> bool:
+        """Whether a window is to be added where there may be one already, which is removed if it is to be replaced."""
+        same = [event.id for event in edit.document.overlapping(tier, *pair) if spans_of(event) == [pair]]
+        for name in same if self.existing == "replace" else ():
+            if edit.document.event(name) is not None:
+                remove_tree(edit, name)
+        return not same or self.existing == "replace"
 
     def _starts(self, edit: Edit) -> range:
         if not edit.n_frames:
@@ -81,5 +84,7 @@ class AddWindows(Operation):
                 "take shorter ones",
             )
         if len(starts) > MOST_WINDOWS:
-            raise edit.refusal(f"{len(starts):,} windows, at most {MOST_WINDOWS:,} are added at once")
+            raise edit.refusal(
+                f"{len(starts):,} windows, at most {MOST_WINDOWS:,} are added at once", "take a larger step"
+            )
         return starts

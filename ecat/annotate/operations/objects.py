@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import colorsys
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ecat.annotate.operations.base import Edit, Operation
@@ -24,7 +25,7 @@ class AddObject(Operation):
     """A new object; with ``coordinates``, its shape at ``frame``.
 
     ``color`` is ``#rrggbb`` or ``#rrggbbaa``; left out, it is one that few others have.  ``stream`` is the
-    annotated video by default.
+    annotated video by default.  What a file says of it and nobody drew is ``provided``.
     """
 
     kind: ObjectKind
@@ -36,13 +37,17 @@ class AddObject(Operation):
     semantic_type: str = ""
     dimensions: Literal[2, 3] = 2
     interpolation: Interpolation = "linear"
+    origin: Literal["manual", "provided"] = "manual"
     frame: int | None = None
     coordinates: tuple[float, ...] | None = None
+    properties: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def perform(self, edit: Edit) -> None:
         """Add it."""
         if self.coordinates is not None and self.frame is None:
             raise edit.refusal("coordinates without a frame", "name the frame that the shape was drawn at")
+        if not all(name.strip() for name in self.properties):
+            raise edit.refusal("a property without a name", "give it one")
         name = edit.new_id("object", self.id)
         number = edit.document.header.object_counter or len(edit.document.ids("object")) + 1
         thing = AnnotatedObject(
@@ -55,6 +60,8 @@ class AddObject(Operation):
             color=distinct_color(number) if self.color is None else _color(edit, self.color),
             line_width=_line_width(edit, self.line_width),
             interpolation=self.interpolation,
+            origin=self.origin,
+            properties=tuple(Property(name=name, value=value) for name, value in self.properties.items()),
         )
         if self.frame is not None and self.coordinates is not None:
             key = new_key_frame(edit, thing, self.frame, self.coordinates, self.dimensions)
@@ -108,7 +115,7 @@ class SetProperty(Operation):
         """Set it."""
         if not self.name.strip():
             raise edit.refusal("a property without a name", "give it one")
-        owner = edit.document.object(self.target) or edit.event(self.target)
+        owner = edit.owner(self.target)
         edit.put(replace(owner, properties=with_property(owner.properties, self.name, self.value)))
 
 
@@ -132,7 +139,11 @@ class CopyObjects(Operation):
         known = {thing.id: thing for thing in other.objects}
         for name in self.objects or ():
             if name not in known:
-                raise edit.refusal(f"session {self.session} has no object {name}", "name one that it has")
+                there = ", ".join(f"{thing.id} ({thing.name})" for thing in other.objects[:5]) or "none"
+                raise edit.refusal(
+                    f"session {self.session} has no object {name}",
+                    f"name one that it has; the first are: {there}",
+                )
         wanted = known if self.objects is None else {name: known[name] for name in self.objects}
         copies: dict[str, str] = {}
         for name, thing in wanted.items():

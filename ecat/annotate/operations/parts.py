@@ -45,7 +45,10 @@ class UnlinkEvents(Operation):
         event = edit.event(self.id)
         kept = tuple(link for link in event.links if (link.type, link.target) != (self.type, self.target))
         if len(kept) == len(event.links):
-            raise edit.refusal(f"event {self.id} has no link {self.type} to {self.target}")
+            there = ", ".join(f"{link.type} to {link.target}" for link in event.links) or "none"
+            raise edit.refusal(
+                f"event {self.id} has no link {self.type} to {self.target}", f"name one that it has: {there}"
+            )
         edit.put(replace(event, links=kept))
 
 
@@ -68,7 +71,10 @@ class SetRole(Operation):
         if self.target is not None:
             found = role_of(edit, self.role, self.target)
             if self.kind not in {None, found.kind}:
-                raise edit.refusal(f"role {self.role}: {self.target} is no {self.kind}, but {found.kind}")
+                raise edit.refusal(
+                    f"role {self.role}: {self.target} is no {self.kind}, but {found.kind}",
+                    "leave the kind out, or name another one",
+                )
             new = (found,)
         edit.put(replace(event, roles=with_role(event.roles, self.role, new)))
 

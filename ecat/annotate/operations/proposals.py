@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from ecat.annotate.operations.base import Edit, Operation
 from ecat.annotate.operations.relations import put_relation
+from ecat.annotate.operations.shapes import keys_of
 from ecat.model import AnnotatedObject, Event, Layer, Relation, Segment
 from ecat.model.annotation import Decision, Verdict
 from ecat.model.document import Document, owner_of
@@ -14,15 +15,19 @@ from ecat.model.document import Document, owner_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptProposal(Operation):
-    """Take over an event, with its sub-events, or a relation of another layer (``machine/a3``), adjusted if so said.
+    """Take over an event, with its sub-events, a relation or an object of another layer (``machine/a3``), adjusted if
+    so said.
 
-    Objects that it needs come along; sub-events that were rejected do not.
+    Objects that it needs come along; sub-events that were rejected do not.  ``same_as`` names what another layer has
+    for the same object (``ben/o5``): there is one object for both, which looks as the one accepted, and whatever is
+    accepted later and names either names that.
     """
 
     proposal: str
     start_frame: int | None = None
     end_frame: int | None = None
     type: str | None = None
+    same_as: str | None = None
 
     def perform(self, edit: Edit) -> None:
         """Take it over."""
@@ -31,7 +36,13 @@ class AcceptProposal(Operation):
         if decided is not None and decided.verdict == "accepted":
             raise edit.refusal(f"{self.proposal} was accepted as {decided.result}", "edit that instead")
         copy = _Copy(edit, layer)
-        if isinstance(element, Relation):
+        if isinstance(element, AnnotatedObject):
+            if (self.start_frame, self.end_frame, self.type) != (None, None, None):
+                raise edit.refusal(f"{self.proposal} is an object", "leave frames and type out")
+            copy.thing(self, element)
+        elif self.same_as is not None:
+            raise edit.refusal(f"{self.proposal} is not an object", "leave same_as out")
+        elif isinstance(element, Relation):
             copy.relation(self, element)
         else:
             copy.event(self, element)
@@ -39,7 +50,7 @@ class AcceptProposal(Operation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectProposal(Operation):
-    """Say that a proposed event, with its sub-events, or relation is not so."""
+    """Say that a proposed event, with its sub-events, relation or object is not so."""
 
     proposal: str
 
@@ -56,7 +67,7 @@ class RejectProposal(Operation):
                 raise edit.refusal(f"{proposal} was accepted as {decided.result}", "remove that first")
 
 
-def proposed(edit: Edit, proposal: str) -> tuple[Layer, Event | Relation]:
+def proposed(edit: Edit, proposal: str) -> tuple[Layer, Event | Relation | AnnotatedObject]:
     """The layer and the element that a proposal names.
 
     Raises
@@ -65,10 +76,10 @@ def proposed(edit: Edit, proposal: str) -> tuple[Layer, Event | Relation]:
     """
     name, _, inner = proposal.partition("/")
     layer = edit.layer_of(name)
-    for element in (*layer.events, *layer.relations):
+    for element in (*layer.events, *layer.relations, *layer.objects):
         if element.id == inner:
             return layer, element
-    raise edit.refusal(f"layer {name} has no event or relation {inner}", "name one as machine/a1")
+    raise edit.refusal(f"layer {name} has no event, relation or object {inner}", "name one as machine/a1")
 
 
 def decide(edit: Edit, proposal: str, verdict: Verdict, result: str = "") -> None:
@@ -99,6 +110,24 @@ class _Copy:
         )
         put_relation(edit, new)
         decide(edit, f"{self.layer.name}/{relation.id}", "accepted", new.id)
+
+    def thing(self, asked: AcceptProposal, theirs: AnnotatedObject) -> None:
+        """Copy an object, or give its look to the one that is here for it."""
+        edit, own = self.edit, f"{self.layer.name}/{theirs.id}"
+        if asked.same_as is not None:
+            layer, other = proposed(edit, asked.same_as)
+            here = _Copy(edit, layer).known(other.id) or self.known(theirs.id)
+        else:
+            if edit.document.decision(own) is not None:
+                edit.drop("decision", own)
+            here = self.known(theirs.id)
+            if here is not None and _stands_for_another(edit, here, own):
+                here = None
+        name = here or self._copied(theirs)
+        _look_like(edit, name, theirs)
+        if asked.same_as is not None:
+            decide(edit, asked.same_as, "rejected", name)
+        decide(edit, own, "accepted", name)
 
     def event(self, asked: AcceptProposal, event: Event) -> None:
         """Copy an event and its sub-events."""
@@ -156,18 +185,48 @@ class _Copy:
         """The id here of an object of the layer: its own, unless that is another thing's."""
         if name in self.names or "/" in name:
             return self.names.get(name, name)
-        theirs = next((thing for thing in self.layer.objects if thing.id == name), None)
-        ours = self.edit.document.object(name)
-        if theirs is None or (ours is not None and _same(ours, theirs)):
-            return name
+        theirs = self._theirs(name)
+        here = name if theirs is None else self.known(name)
+        if theirs is None or here is not None:
+            return here or name
+        return self._copied(theirs)
+
+    def _copied(self, theirs: AnnotatedObject) -> str:
         # tables name a thing by its id, so a copy keeps it where it can
-        self.names[name] = self.edit.new_id("object", name if ours is None else None)
-        self.edit.put(replace(theirs, id=self.names[name]))
-        return self.names[name]
+        taken = self.edit.document.object(theirs.id) is not None
+        name = self.names[theirs.id] = self.edit.new_id("object", None if taken else theirs.id)
+        self.edit.put(replace(theirs, id=name))
+        return name
+
+    def known(self, name: str) -> str | None:
+        """The object here that was decided to be an object of the layer, or that is the same by id, kind and name."""
+        decided = self.edit.document.decision(f"{self.layer.name}/{name}")
+        if decided is not None and decided.result and self.edit.document.object(decided.result) is not None:
+            return decided.result
+        theirs, ours = self._theirs(name), self.edit.document.object(name)
+        if theirs is None or ours is None or (ours.kind, ours.name) != (theirs.kind, theirs.name):
+            return None
+        return name
+
+    def _theirs(self, name: str) -> AnnotatedObject | None:
+        return next((thing for thing in self.layer.objects if thing.id == name), None)
 
 
-def _same(ours: AnnotatedObject, theirs: AnnotatedObject) -> bool:
-    return (ours.kind, ours.name) == (theirs.kind, theirs.name)
+def _stands_for_another(edit: Edit, name: str, proposal: str) -> bool:
+    """Whether an object here was decided to be another one than that of ``proposal``."""
+    return any(kind == "decision" and user != proposal for kind, user in edit.document.users("event", name))
+
+
+def _look_like(edit: Edit, name: str, theirs: AnnotatedObject) -> None:
+    """Let an object be what another one is, under its own id."""
+    edit.put(replace(theirs, id=name))
+    for dimensions in (2, 3):
+        wanted = keys_of(theirs, dimensions)
+        for key in keys_of(edit.object(name), dimensions):
+            if key.frame not in {other.frame for other in wanted}:
+                edit.drop_key_frame(name, key.frame, dimensions)
+        for key in wanted:
+            edit.put_key_frame(name, key, dimensions)
 
 
 def _or(said: int | None, otherwise: int | None) -> int | None:

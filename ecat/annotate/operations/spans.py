@@ -154,7 +154,11 @@ def clip_children(edit: Edit, name: str) -> None:
 
 def _position(edit: Edit, event: Event, segment: int) -> int:
     if not 0 <= segment < len(event.segments):
-        raise edit.refusal(f"event {event.id} has {len(event.segments)} segments, none is number {segment}")
+        n = len(event.segments)
+        raise edit.refusal(
+            f"event {event.id} has {n} segments, none is number {segment}",
+            f"name one from 0 to {n - 1}" if n else "give it segments first",
+        )
     return segment
 
 

@@ -44,7 +44,11 @@ class RemoveReference(Operation):
         event = edit.event(self.id)
         kept = tuple(r for r in event.references if (r.start, r.end) != (self.start, self.end))
         if len(kept) == len(event.references):
-            raise edit.refusal(f"event {self.id}: characters {self.start} to {self.end} refer to nothing")
+            there = ", ".join(f"{r.start} to {r.end}" for r in event.references) or "none"
+            raise edit.refusal(
+                f"event {self.id}: characters {self.start} to {self.end} refer to nothing",
+                f"name a stretch that does: {there}",
+            )
         edit.put(replace(event, references=kept))
 
 

@@ -10,7 +10,8 @@ from ecat.model.document import owner_of
 
 
 def forget_object(edit: Edit, name: str) -> None:
-    """Remove the relations of an object, and empty the roles and references that name it."""
+    """Remove the relations of an object, empty the roles and references that name it, and drop what decided for it."""
+    drop_decisions(edit, name)
     for kind, user in edit.document.users("object", name):
         if kind == "relation":
             edit.drop("relation", user)

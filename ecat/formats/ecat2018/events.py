@@ -1,6 +1,13 @@
-"""``<annotation>`` of ``files.param``: to an event and back (ECAT 2018 file format §1.2.6)."""
+"""``<annotation>`` of ``files.param``: to an event and back (ECAT 2018 file format §1.2.6).
+
+ECAT has no types of events, but actions: characters of the text that name what is done.  An event is of the type of its
+only action, or of the last if that is all of the text.
+"""
 
 from __future__ import annotations
+
+import re
+from dataclasses import replace
 
 from ecat.formats.ecat2018.elements import (
     attribute_facts,
@@ -15,6 +22,8 @@ from ecat.formats.ecat2018.xml_input import Element
 from ecat.model import Event, Foreign, Link, Segment, TextPredicate, TextReference
 
 EVENT_CHILDREN = ("duration", "text", "refs", "events", "link")
+TIER = "event"
+"""Of the events that are read, unless they are parts of others (:mod:`ecat.formats.ecat2018.nesting`)."""
 
 
 def event_of(element: Element, event_id: str, what: str) -> Event:
@@ -31,9 +40,9 @@ def event_of(element: Element, event_id: str, what: str) -> Event:
     tags = [tag for child in element if (tag := tag_of(child)) in EVENT_CHILDREN]
     if tags != list(EVENT_CHILDREN):
         foreign.append(fact("children", ",".join(tags)))
-    return Event(
+    event = Event(
         id=event_id,
-        tier="event",
+        tier=TIER,
         text=element.findtext("text") or "",
         segments=_segments(element.find("duration"), what),
         references=tuple(
@@ -47,6 +56,7 @@ def event_of(element: Element, event_id: str, what: str) -> Event:
         links=tuple(_link(to) for to in element.iterfind("link/linkTo")),
         foreign=tuple(foreign),
     )
+    return _typed(event)
 
 
 def _segments(duration: Element | None, what: str) -> tuple[Segment, ...]:
@@ -73,3 +83,48 @@ def link_type(link: Link) -> str:
     """The type of a link between events as a predicate form."""
     raw = kept(link.foreign, "type")
     return raw if raw is not None and predicate_of(raw)[0] == link.type else f"{link.type}(X,Y)"
+
+
+# ---------------------------------------------------------------------------------------------- types as actions
+
+
+def with_action(event: Event) -> Event:
+    """The event with an action that says its type, if none does and one can.
+
+    That is the first word of the text that is the type; else, and where there are other actions, all of the text, which
+    is the type where there is none.
+    """
+    if event.type == _type_said(event) or not event.type or (event.predicates and not event.text):
+        return event
+    text, pattern = event.text or event.type, rf"(?<!\w){re.escape(event.type)}(?!\w)"
+    word = None if event.predicates else re.search(pattern, text, re.IGNORECASE)
+    start, end = word.span() if word else (0, len(text))
+    action = TextPredicate(start=start, end=end, type=event.type)
+    return replace(event, text=text, predicates=(*event.predicates, action))
+
+
+def is_type_read(event: Event) -> bool:
+    """Whether an event is of the same type when it is read again."""
+    return event.type == _type_said(with_action(event))
+
+
+def _type_said(event: Event) -> str:
+    """The type that actions say."""
+    actions = event.predicates
+    return actions[-1].type if len(actions) == 1 or (actions and _is_whole(actions[-1], event.text)) else ""
+
+
+def _is_whole(action: TextPredicate, text: str) -> bool:
+    return (action.start, action.end) == (0, len(text))
+
+
+def _typed(event: Event) -> Event:
+    """The event with the type that its actions say, and without what is there to say it."""
+    typed = replace(event, type=_type_said(event))
+    if not typed.type or not _is_whole(event.predicates[-1], event.text):
+        return typed
+    for text in ("", event.text) if event.text == typed.type else (event.text,):
+        bare = replace(typed, text=text, predicates=event.predicates[:-1])
+        if with_action(bare) == typed:
+            return bare
+    return typed

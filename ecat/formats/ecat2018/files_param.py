@@ -22,6 +22,7 @@ from ecat.formats.ecat2018.events import event_of
 from ecat.formats.ecat2018.face_scanner import FaceScanner
 from ecat.formats.ecat2018.marker_reader import MarkerReader
 from ecat.formats.ecat2018.marks import CodeBook, Faces
+from ecat.formats.ecat2018.nesting import nested
 from ecat.formats.ecat2018.objects import object_of
 from ecat.formats.ecat2018.relations import object_links, relation_of
 from ecat.formats.ecat2018.xml_input import Element, iter_records, open_input
@@ -290,7 +291,7 @@ class _Reader:
             object_counter=counters.get("objects", _highest(self._ids["object"], "o")),
             event_counter=counters.get("annotations", _highest(self._ids["event"], "a")),
             objects=tuple(self._objects),
-            events=tuple(self._events),
+            events=nested(self._events),
             relations=(*self._links, *self._relations),
             scheme="ecat-2018",
         )

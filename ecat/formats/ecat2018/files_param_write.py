@@ -9,11 +9,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ecat.formats.ecat2018.elements import PREFIX, kept, kept_attributes
-from ecat.formats.ecat2018.events import EVENT_CHILDREN, link_type
+from ecat.formats.ecat2018.events import EVENT_CHILDREN, is_type_read, with_action
 from ecat.formats.ecat2018.face_lines import FaceLines, ReadTable
 from ecat.formats.ecat2018.files_param import DECLARATION, SECTIONS
 from ecat.formats.ecat2018.key_frames import key_frame_attributes, key_frame_text
 from ecat.formats.ecat2018.lexical import attribute, text
+from ecat.formats.ecat2018.nesting import linked, unread_tiers
 from ecat.formats.ecat2018.objects import SHAPES, is_attribute, object_attributes
 from ecat.formats.ecat2018.old_ids import with_old_ids
 from ecat.formats.ecat2018.relations import link_attributes, link_spans, predicate_attributes
@@ -205,42 +206,35 @@ class _Writer:
 
     def _annotations(self) -> Iterator[str]:
         parts: dict[str, list[str]] = {}
-        for event in self._layer.events:
-            if event.parent is not None:
+        written = [event for event in self._layer.events if event.status == "confirmed"]
+        for event in written:
+            if event.parent is None:
+                continue
+            if kept(event.foreign, "id") is None:
                 parts.setdefault(event.parent, []).append(event.id)
-        unsaid = [
-            e.id
-            for e in self._layer.events
-            if e.status == "confirmed" and (e.type or e.unsure or e.properties)
-        ]
-        if unsaid:
-            few = ", ".join(unsaid[:3]) + (", ..." if len(unsaid) > 3 else "")
-            self._findings.append(
-                f"events {few}: ECAT has no types, doubts or properties of events; those of {len(unsaid)} were left out"
-            )
+            else:
+                self._findings.append(
+                    f"event {event.id}: not the only one of its id in the file; that it is a part of {event.parent} "
+                    f"was left out"
+                )
+        self._findings += _left_out(written)
         for event in self._layer.events:
             if event.status == "proposed":
                 self._findings.append(f"event {event.id}: a proposal; left out until it is confirmed")
             else:
                 values = {"id": kept(event.foreign, "id") or event.id}
                 head = f"annotation{_said(kept_attributes(values, event.foreign))}"
-                yield from _wrapped(
-                    head, self._event_body(event, parts.get(event.id, [])), "    ", or_empty=True
-                )
+                body = self._event_body(with_action(event), parts.get(event.id, []))
+                yield from _wrapped(head, body, "    ", or_empty=True)
 
     def _event_body(self, event: Event, parts: list[str]) -> Iterator[str]:
-        links = [(link.target, link_type(link)) for link in event.links]
-        linked = {(target, kind.partition("(")[0]) for target, kind in links}
-        links += [(part, "SUBEVENT(X,Y)") for part in parts if (part, "SUBEVENT") not in linked]
         lists = {
             "refs": [("ref", _pairs(start=r.start, end=r.end, refTo=r.target)) for r in event.references],
             "events": [
                 ("event", _pairs(start=p.start, end=p.end, semanticType=p.type)) for p in event.predicates
             ],
-            "link": [("linkTo", [("id", target), ("type", kind)]) for target, kind in links],
+            "link": [("linkTo", [("id", target), ("type", kind)]) for target, kind in linked(event, parts)],
         }
-        if event.roles:
-            self._findings.append(f"event {event.id}: ECAT has no roles; {len(event.roles)} left out")
         had = kept(event.foreign, "children")
         filled = {"duration": event.segments, "text": event.text, **lists}
         order = [tag for tag in (had or "").split(",") if tag in EVENT_CHILDREN]
@@ -281,6 +275,21 @@ class _Writer:
             if relation.end_frame is not None and relation.polarity and not to_the_end:
                 ended = replace(relation, start_frame=relation.end_frame, polarity=False, foreign=())
                 yield f"    <predicate{_said(predicate_attributes(ended))} />\n"
+
+
+def _left_out(events: Sequence[Event]) -> Iterator[str]:
+    """What events say and ECAT cannot express, a line for each kind."""
+    lists = {
+        "ECAT has no roles; left out": [e.id for e in events if e.roles],
+        "ECAT has no doubts; left out": [e.id for e in events if e.unsure],
+        "ECAT has no properties of events; left out": [e.id for e in events if e.properties],
+        "ECAT has no tiers; left out": unread_tiers(events),
+        "ECAT has no types, but the action that a text names": [e.id for e in events if not is_type_read(e)],
+    }
+    for what, ids in lists.items():
+        few = ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
+        if ids:
+            yield f"{'event' if len(ids) == 1 else 'events'} {few}: {what}"
 
 
 def _said(attributes: Sequence[tuple[str, str]]) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import FormatError, LimitError, os_error
 from ecat.store import files
+from ecat.store.media.atoms import refuse_hollow
 from ecat.store.media.ffv1 import SliceGuard
 from ecat.store.media.truncation import bytes_missing
 
@@ -61,7 +62,7 @@ def open_media(path: Path, what: str) -> Generator[InputContainer]:
     Raises
     ------
     FormatError : not a regular file, empty, or not a media file that is known.
-    LimitError : an image would have more than :data:`MAX_PIXELS`.
+    LimitError : an image would have more than :data:`MAX_PIXELS`; or the file claims more than it has bytes for.
     StoreError : the file cannot be opened.
     """
     import av
@@ -69,6 +70,7 @@ def open_media(path: Path, what: str) -> Generator[InputContainer]:
     with files.typed_errors(what, path), files.open_regular(path) as file:
         if not file.read(1):
             raise FormatError(what, where=f"{path.name}: the file is empty")
+    refuse_hollow(path, what)
     safely = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
     with media_errors(what, path):
         # metadata of any encoding: a title must not stand between a person and their recording

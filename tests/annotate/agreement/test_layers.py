@@ -118,9 +118,17 @@ def test_every_disagreement_is_named_with_its_place() -> None:
     seen = {(d.kind, d.first, d.second, d.differs) for d in found}
     assert ("event", "e1", "e5", ("start",)) in seen
     assert ("event", "e3", "e7", ("type",)) in seen
-    assert all(d.kind == "event" for d in found), (
+    assert ("object", "o2", "o7", ("name", "shape")) in seen
+    assert not any(d.kind == "relation" for d in found), (
         "two frames of difference at a relation's end are no difference"
     )
+
+
+def test_shapes_that_nearly_cover_each_other_are_no_disagreement() -> None:
+    ann = Layer(name="ann", objects=(box("o1", 0.0, "mug"),))
+    assert disagreements(ann, Layer(name="ben", objects=(box("o9", 5.0, "mug"),)), 100) == []
+    moved = disagreements(ann, Layer(name="ben", objects=(box("o9", 20.0, "mug"),)), 100)
+    assert [(d.first, d.second, d.differs) for d in moved] == [("o1", "o9", ("shape",))]
 
 
 def test_who_says_nothing_disagrees_with_all_that_is_said() -> None:

@@ -6,7 +6,17 @@ from typing import Any
 
 import pytest
 
-from ecat.model import AnnotatedObject, Argument, Event, Layer, Relation, Role, Segment, TextReference
+from ecat.model import (
+    AnnotatedObject,
+    Argument,
+    Event,
+    KeyFrame,
+    Layer,
+    Relation,
+    Role,
+    Segment,
+    TextReference,
+)
 from ecat.model.annotation import Decision
 from tests.annotate.bench import Bench, op, thing
 
@@ -143,4 +153,86 @@ def test_the_result_of_a_merge_stands_for_both(beside: Bench) -> None:
 
 
 def test_what_was_not_proposed_is_an_error(beside: Bench) -> None:
-    assert "has no event or relation a9" in beside.refused(accept("a9"))
+    assert "has no event, relation or object a9" in beside.refused(accept("a9"))
+
+
+# --- two people's views of an object, of which a third layer takes one
+
+
+def cup(name: str, u: float, label: str) -> AnnotatedObject:
+    keys = tuple(KeyFrame(frame=f, coordinates=(u, 0.0, 10.0, 10.0)) for f in (0, int(u)))
+    return AnnotatedObject(id=name, name=label, kind="rectangle", key_frames=keys)
+
+
+HOLDS = Role(name="Theme", target="o5")
+BEN = Layer(name="ben", objects=(cup("o5", 7, "mug"),), events=(proposed("a1", 3, 9, roles=(HOLDS,)),))
+
+
+@pytest.fixture
+def gold() -> Bench:
+    """An empty layer beside two in which one thing is ``ann/o1`` and ``ben/o5``."""
+    return Bench(Layer(), layers={"ann": Layer(name="ann", objects=(cup("o1", 5, "cup"),)), "ben": BEN})
+
+
+def take(proposal: str, **said: Any) -> dict[str, Any]:
+    return op("accept_proposal", proposal=proposal, **said)
+
+
+def whole(bench: Bench) -> dict[str, tuple[str, tuple[int, ...]]]:
+    return {o.id: (o.name, tuple(key.frame for key in o.key_frames)) for o in bench.layer.objects}
+
+
+def test_one_of_two_views_of_an_object_is_taken_and_the_other_is_known_to_be_the_same(gold: Bench) -> None:
+    gold.do(take("ann/o1", same_as="ben/o5"))
+    assert whole(gold) == {"o1": ("cup", (0, 5))}
+    gold.do(take("ben/a1"))
+    assert gold.event().roles == (Role(name="Theme", target="o1"),)
+
+
+def test_a_view_that_is_preferred_later_takes_the_place_of_the_first(gold: Bench) -> None:
+    gold.do(take("ann/o1", same_as="ben/o5"), take("ben/a1"))
+    gold.do(take("ben/o5", same_as="ann/o1"))
+    assert whole(gold) == {"o1": ("mug", (0, 7))}
+    assert gold.event().roles == (Role(name="Theme", target="o1"),)
+    assert [(d.proposal, d.verdict, d.result) for d in gold.layer.decisions if d.proposal != "ben/a1"] == [
+        ("ben/o5", "accepted", "o1"),
+        ("ann/o1", "rejected", "o1"),
+    ]
+
+
+def test_an_object_that_an_event_brought_along_is_the_one_decided_about(gold: Bench) -> None:
+    gold.do(take("ben/a1"))
+    assert whole(gold) == {"o5": ("mug", (0, 7))}
+    gold.do(take("ann/o1", same_as="ben/o5"))
+    assert whole(gold) == {"o5": ("cup", (0, 5))}
+
+
+def test_both_views_are_two_objects(gold: Bench) -> None:
+    gold.do(take("ann/o1"), take("ben/o5"))
+    assert whole(gold) == {"o1": ("cup", (0, 5)), "o5": ("mug", (0, 7))}
+
+
+def test_both_views_are_two_objects_also_after_one_was_taken_for_both(gold: Bench) -> None:
+    gold.do(take("ann/o1", same_as="ben/o5"))
+    gold.do(take("ben/o5"))
+    assert whole(gold) == {"o1": ("cup", (0, 5)), "o5": ("mug", (0, 7))}
+
+
+def test_both_views_are_two_objects_also_under_one_id_and_name() -> None:
+    layers = {name: Layer(name=name, objects=(cup("o1", u, "cup"),)) for name, u in (("ann", 5), ("ben", 7))}
+    bench = Bench(Layer(), layers=layers)
+    bench.do(take("ann/o1"), take("ben/o1"))
+    assert whole(bench) == {"o1": ("cup", (0, 5)), "o2": ("cup", (0, 7))}
+
+
+def test_what_is_decided_about_an_object_goes_with_it(gold: Bench) -> None:
+    gold.do(take("ann/o1", same_as="ben/o5"))
+    gold.do(op("remove_object", id="o1"))
+    assert gold.layer.decisions == ()
+    gold.do(op("reject_proposal", proposal="ann/o1"))
+    assert gold.layer.objects == ()
+
+
+def test_an_object_has_no_frames_to_adjust_and_an_event_no_other_view(gold: Bench) -> None:
+    assert "is an object" in gold.refused(take("ann/o1", end_frame=3))
+    assert "is not an object" in gold.refused(take("ben/a1", same_as="ann/o1"))
