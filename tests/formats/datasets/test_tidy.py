@@ -1,0 +1,107 @@
+"""Plain Parquet files, read by others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from ecat import formats
+from ecat.store import open_session
+from ecat.tables import TABLES
+from tests.formats.datasets.moments import Make, Span
+
+GRASP = Span(10, 40, parts=(("grasp", 10, 20),))
+
+
+def exported(path: Path, **options: str) -> Path:
+    dest = path.with_name("dataset")
+    formats.export(path, dest, format="parquet", options=options)
+    return dest
+
+
+def test_a_row_is_a_moment_with_columns_by_name(make: Make) -> None:
+    make("a", GRASP)
+    folder = exported(make("b", Span(0, 10, "push"), number=2, boxes=("red", "green")).parent)
+    rows = pd.read_parquet(folder / "moments.parquet")
+    assert len(rows) == 40
+    np.testing.assert_allclose(rows["state.red.x"], [*(1 + np.r_[10:40] / 1000), *(2 + np.r_[:10] / 1000)])
+    assert rows["state.green.x"].isna().tolist() == [True] * 30 + [False] * 10
+    first = rows.iloc[0]
+    assert (first["session"], first["episode"], first["moment"]) == ("a", 0, 0)
+    assert (first["label"], first["task"], first["event"]) == ("slide", "slide 0", "e0")
+
+
+def test_windows_say_which_moments_they_are(make: Make) -> None:
+    folder = exported(make("a", GRASP).parent, window_s="0.5", stride_s="0.2")
+    windows = pd.read_parquet(folder / "windows.parquet")
+    moments = pd.read_parquet(folder / "moments.parquet")
+    assert windows["first_moment"].tolist() == [0, 6, 12]
+    for window in windows.to_dict("records"):
+        inside = moments[(moments["t_ns"] >= window["start_ns"]) & (moments["t_ns"] < window["end_ns"])]
+        assert inside["moment"].tolist() == [window["first_moment"] + i for i in range(15)]
+
+
+def test_tables_are_those_of_the_sessions_with_the_session_in_front(make: Make) -> None:
+    make("a", GRASP)
+    folder = exported(make("b", GRASP, number=2).parent)
+    for name in ("events", "poses", "objects"):
+        rows = pq.read_table(folder / "tables" / f"{name}.parquet")
+        assert rows.schema.names == ["session", *TABLES[name].arrow.names]
+        for session in "ab":
+            own = open_session(folder.with_name("project") / session).table(name)
+            mine = rows.filter(np.asarray(rows["session"].to_pylist()) == session)
+            assert mine.num_rows == own.num_rows
+            if name == "events":
+                assert mine.drop(["session"]).to_pylist() == own.to_arrow().to_pylist()
+    assert (rows.schema.field("name").metadata or {})[b"meaning"]
+
+
+def test_the_card_names_every_file(make: Make) -> None:
+    folder = exported(make("a", GRASP).parent)
+    _, head, text = (folder / "README.md").read_text().split("---\n", 2)
+    configs = yaml.safe_load(head)["configs"]
+    files = {p.relative_to(folder).as_posix() for p in folder.rglob("*.parquet")}
+    assert {config["data_files"] for config in configs} == files
+    assert [config["config_name"] for config in configs if config.get("default")] == ["moments"]
+    assert '"fps": 30' in text
+
+
+def test_hugging_face_opens_it_by_the_card(make: Make, tmp_path: Path) -> None:
+    datasets = pytest.importorskip("datasets", reason="Hugging Face datasets is not installed")
+    folder = exported(make("a", GRASP).parent)
+    for name in ("moments", "windows", "objects", "poses"):
+        found = datasets.load_dataset(str(folder), name, split="train", cache_dir=str(tmp_path / "cache"))
+        assert len(found) > 0
+
+
+def test_duckdb_and_polars_open_it(make: Make) -> None:
+    folder = exported(make("a", GRASP).parent)
+    duckdb = pytest.importorskip("duckdb", reason="DuckDB is not installed")
+    assert duckdb.sql(f"select count(*) from '{folder}/moments.parquet'").fetchall() == [(30,)]
+    polars = pytest.importorskip("polars", reason="Polars is not installed")
+    assert polars.read_parquet(folder / "tables" / "poses.parquet").height == 122
+
+
+def test_a_session_without_events_still_has_its_tables(make: Make) -> None:
+    report = formats.export(make("a"), make("b").parents[1] / "out", format="parquet")
+    out = Path(report.path)
+    assert report.findings[0].startswith("no moments")
+    assert (out / "tables" / "poses.parquet").exists()
+    assert not (out / "moments.parquet").exists()
+
+
+def test_the_same_sessions_give_the_same_bytes_however_they_are_shared_out(
+    make: Make, tmp_path: Path
+) -> None:
+    for name in "abc":
+        make(name, GRASP)
+    project = tmp_path / "project"
+    formats.export(project, tmp_path / "one", format="parquet")
+    formats.export(project, tmp_path / "two", format="parquet")
+    for path in (p for p in (tmp_path / "one").rglob("*") if p.is_file()):
+        assert path.read_bytes() == (tmp_path / "two" / path.relative_to(tmp_path / "one")).read_bytes()
