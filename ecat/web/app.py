@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from ecat.web import answers
-from ecat.web.routes import layers, live, media, page, rows, second_look, sessions
+from ecat.web.routes import layers, live, media, page, project, rows, second_look, sessions, work
 from ecat.web.security import App, Guard
 from ecat.web.shapes import Refusal
 from ecat.web.site import Site
@@ -50,7 +50,7 @@ def application(site: Site | None = None) -> FastAPI:
     )
     app.state.site = site
     answers.install(app)
-    for part in (sessions, layers, media, rows, second_look, live):
+    for part in (sessions, project, layers, media, rows, second_look, work, live):
         app.include_router(part.router)
     page.mount(app)
     return app

@@ -156,6 +156,21 @@ class ExactImages:
         x, y, _ = (float(n) * z for n in images.camera.unproject(np.array([float(column), float(row)])))
         return {"depth_m": z, "x": x, "y": y, "z": z}
 
+    def depth_range(self, session: Session, stream: str) -> dict[str, float]:
+        """The distances, metres, that the first and the last colour of a depth stream mean.
+
+        Raises
+        ------
+        UsageError : it is not a stream of depth.
+        """
+        if session.stream(stream).kind != "depth":
+            raise UsageError(
+                f"cannot measure in stream {stream}", where="its images are no depth", fix="name another"
+            )
+        near, far = bounds_of(self.image(session, stream, 0))
+        unit_m = self._reader(session, stream).images.unit_m
+        return {"near_m": near * unit_m, "far_m": far * unit_m}
+
     def _reader(self, session: Session, stream: str) -> _Reader:
         return self._readers.get(_key(session, stream), lambda: _Reader(open_images(session, stream)))
 

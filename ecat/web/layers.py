@@ -129,31 +129,37 @@ class SharedLayer:
 
     async def apply(self, operations: list[dict[str, Any]], base: int | None, author: str) -> bytes:
         """Do operations as one step; errors as of :meth:`ecat.annotate.Editor.apply`."""
+        return self._said(await self.edit(operations, base, author), author)
+
+    async def edit(self, operations: list[dict[str, Any]], base: int | None, author: str) -> Record:
+        """The same, for the record."""
 
         def work() -> Record:
             return self._editor.apply(operations_from_list(operations), base=base, author=author)
 
-        return await self._step(work, author)
+        return await self._step(work)
 
     async def undo(self, base: int | None, author: str) -> bytes:
         """Undo the author's last step."""
-        return await self._step(lambda: self._editor.undo(base=base, author=author), author)
+        return self._said(await self._step(lambda: self._editor.undo(base=base, author=author)), author)
 
     async def redo(self, base: int | None, author: str) -> bytes:
         """Do again what the author undid last."""
-        return await self._step(lambda: self._editor.redo(base=base, author=author), author)
+        return self._said(await self._step(lambda: self._editor.redo(base=base, author=author)), author)
 
     async def restore(self, revision: int, author: str) -> bytes:
         """Go back to a revision."""
-        return await self._step(lambda: self._editor.restore(revision, author=author), author)
+        return self._said(await self._step(lambda: self._editor.restore(revision, author=author)), author)
 
-    async def _step(self, work: Callable[[], Record], author: str) -> bytes:
+    async def _step(self, work: Callable[[], Record]) -> Record:
         async with self._turn:
             try:
-                record = await asyncio.to_thread(work)
+                return await asyncio.to_thread(work)
             finally:
                 # what others did was taken over, also where this could not be done
                 await self._tell_news()
+
+    def _said(self, record: Record, author: str) -> bytes:
         said = {
             "record": record.to_dict(),
             "can_undo": self._editor.can_undo(author),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,8 @@ from ecat.store.manifest import PROJECT_FILE, SESSION_FILE
 from ecat.store.snapshot import Snapshot
 from ecat.store.transaction import settle
 
+ARCHIVE = ".archive"
+"""Where sessions are put away: hidden, so that nobody takes what is in it for sessions of the project."""
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _SLUG = 48
 
@@ -45,6 +49,24 @@ class Library:
             return open_project(self.root).manifest.name
         return self.root.resolve().name
 
+    @property
+    def is_session(self) -> bool:
+        """Whether one session is all there is."""
+        return (self.root / SESSION_FILE).is_file()
+
+    def title(self, sid: str) -> str:
+        """What the session with this id calls itself; its folder's name if it cannot be read."""
+        return str(self._describe(sid)["name"])
+
+    def beside(self, sid: str) -> dict[str, str]:
+        """The ids of the other sessions in the same folder, by the names that annotations call them by."""
+        place = self.path(sid)
+        return {
+            path.name: other
+            for other, path in self.find().items()
+            if path.parent == place.parent and path != place
+        }
+
     def find(self) -> dict[str, Path]:
         """Look again which sessions there are; their folders by id.
 
@@ -52,7 +74,12 @@ class Library:
         ------
         NotFoundError : there is none, or the root is gone.
         """
-        found = find_sessions(self.root)
+        try:
+            found = find_sessions(self.root)
+        except NotFoundError:
+            if not (self.root / ARCHIVE).is_dir():
+                raise
+            found = []  # all of them were put away
         self._paths = {_id_of(path, self.root): path for path in found}
         return self._paths
 
@@ -90,18 +117,45 @@ class Library:
     def describe(self) -> dict[str, Any]:
         """The project and its sessions; one that cannot be read says why."""
         sessions = [self._describe(sid) for sid in self.find()]
-        return {"name": self.name, "root": str(self.root.resolve()), "sessions": sessions}
+        return {
+            "name": self.name,
+            "root": str(self.root.resolve()),
+            "projects": self._projects(),
+            "sessions": sessions,
+            "whole": not self.is_session,
+        }
+
+    def _projects(self) -> list[dict[str, Any]]:
+        """The projects, by their way from the root."""
+        found: list[dict[str, Any]] = []
+        for path in projects(self.root):
+            try:
+                name = open_project(path).manifest.name
+            except EcatError:
+                name = path.name
+            found.append({"path": _way(path, self.root), "name": name})
+        return found
+
+    def _project_of(self, sid: str) -> str:
+        """The way from the root to the project that a session is in; empty for the root itself."""
+        folders = self._paths[sid].parents
+        inside = (f for f in folders if (f / PROJECT_FILE).is_file() and f.is_relative_to(self.root))
+        found = next(inside, self.root)
+        return _way(found, self.root)
 
     def _describe(self, sid: str) -> dict[str, Any]:
         empty: dict[str, Any] = {
             "id": sid,
             "name": self._paths[sid].name,
+            "path": _way(self._paths[sid], self.root),
+            "project": self._project_of(sid),
             "n_frames": 0,
             "duration_s": None,
             "streams": [],
             "layers": [],
             "n_events": 0,
             "n_objects": 0,
+            "n_relations": 0,
             "created": None,
             "error": None,
         }
@@ -119,8 +173,21 @@ class Library:
             "layers": [layer.name for layer in manifest.layers],
             "n_events": rows.get("events", 0),
             "n_objects": rows.get("objects", 0),
+            "n_relations": rows.get("relations", 0),
             "created": manifest.created,
         }
+
+
+def projects(root: Path) -> Iterator[Path]:
+    """The folders of projects at or below ``root``."""
+    for folder, inner, names in os.walk(root):
+        inner[:] = [] if SESSION_FILE in names else sorted(name for name in inner if not name.startswith("."))
+        if PROJECT_FILE in names:
+            yield Path(folder)
+
+
+def _way(path: Path, root: Path) -> str:
+    return "" if path == root else path.relative_to(root).as_posix()
 
 
 def _read_again(path: Path) -> Session:

@@ -46,6 +46,10 @@ class Hub:
     def __len__(self) -> int:
         return len(self._people)
 
+    def names(self) -> list[str]:
+        """Who is here."""
+        return [person.name or "somebody" for person in self._people.values()]
+
     def enter(self) -> Person:
         """Somebody opened a page."""
         self._count += 1

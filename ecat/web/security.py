@@ -30,6 +30,8 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 MOST_BODY_BYTES = 8 << 20
 BODY_TIMEOUT_S = 30.0
+UPLOADS = "/api/uploads/"
+"""Files are put below it."""
 COOKIE_AGE_S = 7 * 24 * 3600
 """The cookie outlives the browser, not the server: its value dies with the process that gave it."""
 MOST_TOKENS = 1000
@@ -176,7 +178,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         send = _with_headers(send, scope["path"])
-        if answer is None and scope["method"] not in {"GET", "HEAD"}:
+        if answer is None and scope["method"] not in {"GET", "HEAD"} and not _is_file(scope):
             try:
                 receive = await _whole_body(headers, receive)
             except EcatError as error:
@@ -257,6 +259,11 @@ def _with_headers(send: Send, path: str) -> Send:
         await send(message)
 
     return sending
+
+
+def _is_file(scope: Scope) -> bool:
+    """Whether the body is a file, which goes to the disk as it comes and has limits of its own."""
+    return scope["method"] == "PUT" and scope["path"].startswith(UPLOADS)
 
 
 async def _whole_body(headers: Mapping[str, str], receive: Receive) -> Receive:

@@ -44,9 +44,11 @@ class OpenSession:
         self.hub = Hub()
         self._layers: dict[str, SharedLayer] = {}
         self._opening = asyncio.Lock()
+        self._looking = asyncio.Lock()
         self._curves: tuple[str, Curves] | None = None
         self._facts: tuple[str, dict[str, Any]] | None = None
         self._computing = threading.Lock()
+        self._tables: dict[str, str] | None = None
 
     @property
     def session(self) -> Session:
@@ -118,7 +120,11 @@ class OpenSession:
         return asdict(found or find_scheme(session, own[0] if own else USUAL_SCHEME))
 
     async def look(self) -> None:
-        """Look whether another process has written to a layer."""
+        """Look whether another process has written to a layer, or a stage tables."""
+        async with self._looking:
+            await self._look()
+
+    async def _look(self) -> None:
         session: Session | None = None
         with contextlib.suppress(EcatError):  # whoever asks is told
             session = await asyncio.to_thread(lambda: self.session)
@@ -129,6 +135,22 @@ class OpenSession:
                 self.hub.tell({"type": "replaced", "layer": name, "revision": self._layers[name].revision})
             else:
                 await layer.look()
+        if session is not None:
+            self._look_at_tables(session)
+
+    def _look_at_tables(self, session: Session) -> None:
+        """Tell whether a stage has written tables."""
+        # those that follow from the layers are told of as records
+        now = {table.name: table.sha256 for table in session.manifest.tables if table.stage != "publish"}
+        before, self._tables = self._tables, now
+        if before is not None and before != now:
+            changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+            self.hub.tell({"type": "tables", "tables": changed})
+
+    async def save(self) -> None:
+        """Let XML and tables of every layer be as they are now."""
+        for layer in self.layers.values():
+            await layer.save()
 
     async def close(self) -> None:
         """Save every layer, and end every connection."""

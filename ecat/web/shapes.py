@@ -1,14 +1,13 @@
-"""What requests and answers look like; ``web/openapi.json`` is made from these."""
+"""What answers look like; ``web/openapi.json`` is made from these and from :mod:`ecat.web.asked`."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from ecat.model import CodingScheme, Layer
 
-Author = Annotated[str, Field(min_length=1, max_length=200)]
 Json = dict[str, Any]
 
 
@@ -16,41 +15,6 @@ class Shape(BaseModel):
     """A JSON object without other fields than these."""
 
     model_config = ConfigDict(extra="forbid")
-
-
-# --- requests
-
-
-class Signed(Shape):
-    """Whatever somebody does."""
-
-    author: Author
-
-
-class Edit(Signed):
-    """Operations that are one step of undo, and the revision that they were made for."""
-
-    base: Annotated[int, Field(ge=0)] | None = None
-    operations: Annotated[list[Json], Field(min_length=1, max_length=100_000)]
-
-
-class Step(Signed):
-    """Undo or redo of this author's last operation."""
-
-    base: Annotated[int, Field(ge=0)] | None = None
-
-
-class Restore(Signed):
-    """Back to how the layer was at a revision."""
-
-    revision: Annotated[int, Field(ge=0)]
-
-
-class Save(Shape):
-    """Nothing needs to be said."""
-
-
-# --- answers
 
 
 class ErrorShape(Shape):
@@ -73,26 +37,43 @@ class Refusal(Shape):
 
 
 class SessionSummary(Shape):
-    """A session in the browser; ``error`` says why it cannot be opened."""
+    """A session in the browser; ``path`` and ``project`` are the ways to its folder and to its project, ``error`` says
+    why it cannot be opened.
+    """
 
     id: str
     name: str
+    path: str
+    project: str
     n_frames: int
     duration_s: float | None
     streams: list[str]
     layers: list[str]
     n_events: int
     n_objects: int
+    n_relations: int
     created: str | None
     error: str | None
 
 
+class ProjectPlace(Shape):
+    """A project, by its way from what is served."""
+
+    path: str
+    name: str
+
+
 class ProjectShape(Shape):
-    """All sessions; ``author`` and ``layer`` are what ecat annotate was told."""
+    """All sessions; ``author`` and ``layer`` are what ecat annotate was told.
+
+    ``whole`` is false if one session is all that is served: then nothing can be brought in or put away.
+    """
 
     name: str
     root: str
+    projects: list[ProjectPlace]
     sessions: list[SessionSummary]
+    whole: bool
     author: str
     layer: str
 
@@ -256,6 +237,91 @@ class DepthAnswer(Shape):
     z: float | None
 
 
+class DepthRange(Shape):
+    """The distances that the first and the last colour mean, metres."""
+
+    near_m: float
+    far_m: float
+
+
+class JobShape(Shape):
+    """Something that takes a while: at ``step``, ``done`` of ``total`` (0: unknown) are over."""
+
+    id: str
+    what: str
+    state: Literal["waiting", "running", "done", "failed", "stopped"]
+    step: str
+    done: int
+    total: int
+    result: Json | None
+    error: Json | None
+
+
+class UploadShape(Shape):
+    """Where files are put."""
+
+    id: str
+
+
+class Received(Shape):
+    """How much of a file came."""
+
+    bytes: int
+
+
+class Made(Shape):
+    """What was made, by the way to it."""
+
+    path: str
+
+
+class Removed(Shape):
+    """Its id in the archive; null if it is gone for good."""
+
+    archived: str | None
+
+
+class Archived(Shape):
+    """A session that was put away, and where it was."""
+
+    id: str
+    name: str
+    place: str
+    when: str
+
+
+class Restored(Shape):
+    """The id of the session that is back."""
+
+    id: str | None
+
+
+class Neighbour(Shape):
+    """Another session of the same folder: ``name`` is what annotations call it by."""
+
+    id: str
+    name: str
+
+
+class OtherObject(Shape):
+    """An object of another session, and whether it is drawn there, at all and at its end."""
+
+    id: str
+    name: str
+    kind: str
+    color: str
+    drawn: bool
+    at_end: bool
+
+
+class OtherObjects(Shape):
+    """What there is in another session, in the layer that copies are made from."""
+
+    session: str
+    layer: str
+    objects: list[OtherObject]
+
+
 class DisagreementShape(Shape):
     """One thing that two layers see differently; ``first`` and ``second`` are the ids in them."""
 
@@ -269,21 +335,13 @@ class DisagreementShape(Shape):
 
 
 class AgreementShape(Shape):
-    """How far two layers agree (``ecat agree``), and where they do not."""
+    """How far two layers agree (``ecat agree``), which objects are the same, and where they do not."""
 
     layers: list[str]
     revisions: dict[str, int]
     figures: Json
+    objects: list[tuple[str, str]]
     disagreements: list[DisagreementShape]
-
-
-class AnswerShape(Shape):
-    """What somebody says about an item of a survey."""
-
-    rater: Annotated[str, Field(min_length=1, max_length=64)]
-    item: Annotated[str, Field(max_length=64)]
-    answer: Annotated[str, Field(max_length=1000)] | int
-    comment: Annotated[str, Field(max_length=10_000)] = ""
 
 
 class SurveyAnswered(Shape):

@@ -5,21 +5,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import traceback
+from collections.abc import AsyncGenerator, Coroutine
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends
 from fastapi.requests import HTTPConnection
 
-from ecat.errors import EcatError, UsageError
+from ecat.annotate import Record
+from ecat.errors import ConflictError, EcatError, UsageError
 from ecat.model.annotation import MACHINE
 from ecat.web.exact import ExactImages
+from ecat.web.jobs import Jobs
 from ecat.web.layers import SharedLayer
 from ecat.web.library import Library
 from ecat.web.proxies import Proxies, Proxy
 from ecat.web.security import Access
 from ecat.web.sessions import OpenSession
+from ecat.web.uploads import Uploads
 
+T = TypeVar("T")
 POLL_S = 1.0
 """How soon what another process does to a layer is seen."""
 
@@ -40,8 +46,12 @@ class Site:
         self.layer = layer
         self.exact = ExactImages()
         self.proxies = Proxies()
+        self.jobs = Jobs()
+        self.uploads = Uploads()
         self._open: dict[str, OpenSession] = {}
+        self._leaving: set[str] = set()
         self._tasks: list[asyncio.Task[None]] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     async def opened(self, sid: str) -> OpenSession:
         """The session with this id.
@@ -49,15 +59,58 @@ class Site:
         Raises
         ------
         NotFoundError : there is no such session.
+        ConflictError : it is being taken out of the project.
         """
         if sid not in self._open:
             await asyncio.to_thread(self.library.path, sid)
+            if sid in self._leaving:
+                raise ConflictError(f"cannot open session {sid}", where="it is being put away just now")
             self._open.setdefault(sid, OpenSession(sid, self))
         return self._open[sid]
 
+    @asynccontextmanager
+    async def leaving(self, sid: str) -> AsyncGenerator[list[str]]:
+        """Let go of a session for as long as the block runs, unless there are people in it: their names."""
+        opened = self._open.get(sid)
+        people = [] if opened is None else opened.hub.names()
+        if people or sid in self._leaving:
+            yield people or ["somebody"]
+            return
+        self._leaving.add(sid)
+        try:
+            await self._forget(sid)
+            yield []
+        finally:
+            self._leaving.discard(sid)
+
+    async def _forget(self, sid: str) -> None:
+        opened = self._open.pop(sid, None)
+        if opened is not None:
+            await opened.close()
+
+    async def edit(
+        self, sid: str, layer: str, author: str, operations: list[dict[str, Any]], *, make: bool
+    ) -> Record | None:
+        """Do operations in a session that nobody need look at; None where there is no such layer, and none is made."""
+        known = sid in self._open
+        opened = await self.opened(sid)
+        try:
+            session = await asyncio.to_thread(lambda: opened.session)
+            if not make and session.manifest.layer(layer) is None:
+                return None
+            return await (await opened.layer(layer, make=make)).edit(operations, None, author)
+        finally:
+            if not known and not len(opened.hub):
+                await self._forget(sid)
+
+    def wait_for(self, work: Coroutine[Any, Any, T]) -> T:
+        """The result of something that the event loop has to do; from another thread."""
+        assert self._loop is not None, "the server runs"
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
     async def start(self) -> None:
         """Begin to look after what is open."""
-        loop = asyncio.get_running_loop()
+        loop = self._loop = asyncio.get_running_loop()
 
         def changed(key: str, proxy: Proxy) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
@@ -70,6 +123,8 @@ class Site:
         """Save what was edited, and end what is under way."""
         for task in self._tasks:
             task.cancel()
+        await asyncio.to_thread(self.jobs.close)
+        self.uploads.close()
         for opened in self._open.values():
             await opened.close()
         await asyncio.to_thread(self.proxies.close)
@@ -116,13 +171,23 @@ async def _layer(sid: str, layer: str, connection: HTTPConnection) -> SharedLaye
     return await (await _site(connection).opened(sid)).layer(layer)
 
 
-async def _peoples(layer: str) -> None:
+def require_peoples(layer: str) -> None:
+    """Return if a layer is one that people edit.
+
+    Raises
+    ------
+    UsageError : it is the machine's.
+    """
     if layer == MACHINE:
         raise UsageError(
             f"cannot edit layer {layer}",
             where="it holds what stages propose, and is written anew when they run",
             fix="accept or reject its proposals in a layer of your own",
         )
+
+
+async def _peoples(layer: str) -> None:
+    require_peoples(layer)
 
 
 TheSite = Annotated[Site, Depends(_site_of)]

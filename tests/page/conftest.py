@@ -191,7 +191,9 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
     """Open a window with a session, in a profile of its own."""
     with ExitStack() as stack:
 
-        def open_(served: Served, *, author: str | None = None, **options: Any) -> Window:
+        def open_(
+            served: Served, *, author: str | None = None, address: str | None = None, **options: Any
+        ) -> Window:
             context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
             stack.callback(context.close)
             # a name that was chosen counts as long as the server suggests the same one as then: nobody, to most
@@ -204,7 +206,7 @@ def window(chromium: Any) -> Generator[Callable[..., Window]]:
             page.on("pageerror", lambda error: made.complaints.append(str(error)))
             page.on("console", lambda message: _note(made, message))
             page.goto(served.server.invite())
-            page.goto(f"{served.server.address}/{served.hash}")
+            page.goto(f"{served.server.address}/{address or served.hash}")
             made.opened()
             return made
 

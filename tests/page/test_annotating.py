@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -219,12 +220,282 @@ def test_any_revision_can_be_brought_back_from_the_history(served: Any, annotati
 @pytest.mark.parametrize("existing", ["add", "clear"])
 def test_windows_are_laid_over_the_recording(served: Any, annotating: Any, existing: str) -> None:
     annotating.press("e")
-    annotating.find("windows-button").click()
-    annotating.find("windows-step").fill("50")
-    annotating.find("windows-duration").fill("50")
-    annotating.find("windows-existing").select_option(existing)
-    annotating.find("windows-yes").click()
-    annotating.settle()
+    _windows(annotating, existing)
     layer = served.layer()
     n = (served.session().manifest.n_frames - 50) // 50 + 1
     assert len(layer.events) == n + (existing == "add")
+
+
+def test_windows_that_are_there_are_not_laid_again(served: Any, annotating: Any) -> None:
+    for _ in range(2):
+        _windows(annotating, None)
+    assert len(served.layer().events) == (served.session().manifest.n_frames - 50) // 50 + 1
+
+
+def _windows(window: Any, existing: str | None) -> None:
+    window.find("windows-button").click()
+    window.find("windows-step").fill("50")
+    window.find("windows-duration").fill("50")
+    if existing is not None:
+        window.find("windows-existing").select_option(existing)
+    window.find("windows-yes").click()
+    window.settle()
+
+
+def test_the_guessed_type_of_a_new_event_is_shown_and_one_key_corrects_it(
+    served: Any, annotating: Any
+) -> None:
+    annotating.press("e")
+    guess = annotating.find("guess")
+    assert "slide_next" in guess.inner_text()
+    assert annotating.find("guess-slide_next").get_attribute("aria-pressed") == "true"
+    annotating.press("7")
+    guess.wait_for(state="detached")
+    assert [(e.type, e.status) for e in served.layer().events] == [("slide_around", "confirmed")]
+    # the next one is taken to be of the same type; going on settles that
+    annotating.at(60)
+    annotating.press("e")
+    assert "slide_around" in guess.inner_text()
+    annotating.at(80)
+    guess.wait_for(state="detached")
+    annotating.press("6")
+    assert [r["type"] for r in annotating.says("app.running")] == ["slide_past"], (
+        "the key begins a label again"
+    )
+    assert [e.type for e in served.layer().events] == ["slide_around", "slide_around"]
+
+
+def test_a_key_of_another_tier_is_no_correction(served: Any, annotating: Any) -> None:
+    annotating.press("e", "1")
+    assert [r["type"] for r in annotating.says("app.running")] == ["grasp"]
+    assert [e.type for e in served.layer().events] == ["slide_next"]
+
+
+def test_words_of_a_text_name_actions(served: Any, annotating: Any) -> None:
+    annotating.press("e")
+    text = annotating.find("event-text")
+    text.fill("she lifts the box and puts it down")
+    # what is still being typed counts
+    text.evaluate("(area) => area.setSelectionRange(4, 9)")
+    annotating.find("add-action").click()
+    annotating.find("action-0-type").wait_for()
+    annotating.settle()
+    text.evaluate("(area) => area.setSelectionRange(22, 34)")
+    annotating.find("add-action").click()
+    annotating.find("action-1-type").wait_for()
+    annotating.find("action-1-type").fill("put_down")
+    annotating.find("action-1-type").press("Enter")
+    annotating.settle()
+    (event,) = served.layer().events
+    said = [(event.text[p.start : p.end], p.type) for p in event.predicates]
+    assert said == [("lifts", "lifts"), ("puts it down", "put_down")]
+    annotating.find("action-0").get_by_label("Remove the action").click()
+    annotating.settle()
+    assert [p.type for p in served.layer().events[0].predicates] == ["put_down"]
+
+
+def test_a_selection_of_no_words_names_nothing(served: Any, annotating: Any) -> None:
+    annotating.press("e")
+    annotating.find("event-text").fill("she lifts it")
+    annotating.find("event-text").blur()
+    annotating.settle()
+    annotating.find("add-action").click()
+    annotating.find("toasts").get_by_text("Select the words").wait_for()
+    assert served.layer().events[0].predicates == ()
+
+
+class TestFieldsWithSuggestions:
+    """A field that offers all it knows is empty while it has the focus, and loses nothing by that."""
+
+    def test_leaving_it_untouched_changes_nothing(self, served: Any, annotating: Any) -> None:
+        annotating.press("e")
+        field = annotating.find("event-type")
+        assert field.input_value() == "slide_next"
+        field.focus()
+        assert (field.input_value(), field.get_attribute("placeholder")) == ("", "slide_next")
+        field.blur()
+        annotating.settle()
+        assert field.input_value() == "slide_next"
+        assert served.layer().events[0].type == "slide_next"
+        assert annotating.says("app.active.revision") == 1
+
+    def test_what_is_typed_or_chosen_is_taken(self, served: Any, annotating: Any) -> None:
+        annotating.press("e")
+        field = annotating.find("event-type")
+        field.fill("slide_away")
+        field.press("Enter")
+        annotating.settle()
+        assert served.layer().events[0].type == "slide_away"
+        field.fill("something else")
+        field.blur()
+        annotating.settle()
+        assert served.layer().events[0].type == "something else"
+
+    def test_escape_takes_back_what_was_typed(self, served: Any, annotating: Any) -> None:
+        annotating.press("e")
+        field = annotating.find("event-type")
+        field.focus()
+        annotating.page.keyboard.type("slide_aw")
+        annotating.page.keyboard.press("Escape")
+        annotating.settle()
+        assert field.input_value() == "slide_next"
+        assert served.layer().events[0].type == "slide_next"
+
+    def test_backspace_means_nothing_at_all(self, served: Any, annotating: Any) -> None:
+        annotating.press("e")
+        field = annotating.find("event-type")
+        field.focus()
+        annotating.page.keyboard.press("Backspace")
+        field.blur()
+        annotating.settle()
+        assert served.layer().events[0].type == ""
+
+    def test_all_that_the_scheme_has_for_the_tier_is_offered(self, annotating: Any) -> None:
+        annotating.press("e")
+        offered = annotating.find("event-type").evaluate(
+            "(field) => [...field.list.options].map(o => o.value)"
+        )
+        assert set(offered) >= {"slide_next", "slide_past", "slide_around", "slide_toward", "slide_away"}
+        assert "grasp" not in offered
+
+
+def test_one_event_after_another_is_labelled_while_it_plays(served: Any, annotating: Any) -> None:
+    """The same labels come again: each is an event of its own, and the parts belong to the right one."""
+    for round_, start in enumerate((10, 90)):
+        annotating.at(start)
+        annotating.press(" ")
+        for step, key in enumerate("123"):
+            annotating.until(f"app.cursor.frame > {start + 10 * step}")
+            annotating.press(key)
+        annotating.until(f"app.cursor.frame > {start + 30}")
+        annotating.press(str(5 + round_), " ")
+    layer = served.layer()
+    assert [e.type for e in sorted(layer.events, key=_begin) if e.parent is None] == [
+        "slide_next",
+        "slide_past",
+    ]
+    for whole in (_event(layer, "slide_next"), _event(layer, "slide_past")):
+        parts = sorted((e for e in layer.events if e.parent == whole.id), key=_begin)
+        assert [e.type for e in parts] == ["grasp", "hold", "move"]
+        for one, next_ in pairwise(parts):
+            assert one.segments[0].end_frame == _begin(next_)
+        assert (_begin(parts[0]), parts[-1].segments[0].end_frame) == _spans_of_one(whole)
+
+
+def _begin(event: Event) -> int:
+    return event.segments[0].start_frame
+
+
+def _spans_of_one(event: Event) -> tuple[int, int]:
+    return event.segments[0].start_frame, event.segments[-1].end_frame
+
+
+def test_events_that_are_repeated_are_named_one_by_one(served: Any, annotating: Any) -> None:
+    """Windows without a type, each played over and over, and named by a key."""
+    annotating.find("windows-button").click()
+    for field, value in {"step": "40", "duration": "40", "tier": ""}.items():
+        annotating.find(f"windows-{field}").fill(value)
+    annotating.find("windows-yes").click()
+    annotating.settle()
+    annotating.at(0)
+    for key in "756":
+        annotating.press("ArrowDown", "p", " ")
+        start, end = annotating.says("app.cursor.loop")
+        annotating.until(f"app.cursor.frame > {start + 5}")
+        annotating.press(key)
+        assert start <= annotating.says("app.cursor.frame") < end
+        annotating.press(" ", "p")
+    named = sorted(served.layer().events, key=_begin)[:3]
+    assert [e.type for e in named] == ["slide_around", "slide_next", "slide_past"]
+    assert annotating.says("app.running.length") == 0
+
+
+def test_events_are_linked_and_unlinked(served: Any, annotating: Any) -> None:
+    for start in (10, 60):
+        annotating.at(start)
+        annotating.press("e")
+    annotating.page.locator("summary", has_text="Links").click()
+    annotating.find("link-type").fill("CAUSE")
+    annotating.find("link-target").fill("a1")
+    annotating.find("link-add").click()
+    annotating.settle()
+    links = {e.id: [(link.type, link.target) for link in e.links] for e in served.layer().events}
+    assert links == {"a1": [], "a2": [("CAUSE", "a1")]}
+    annotating.find("selected-panel").get_by_label("Remove the link CAUSE to a1").click()
+    annotating.settle()
+    assert all(e.links == () for e in served.layer().events)
+
+
+def test_a_link_goes_with_the_event_that_it_names(served: Any, annotating: Any) -> None:
+    for start in (10, 60):
+        annotating.at(start)
+        annotating.press("e")
+    annotating.page.locator("summary", has_text="Links").click()
+    annotating.find("link-target").fill("a1")
+    annotating.find("link-add").click()
+    annotating.settle()
+    annotating.press("ArrowUp", "Delete")
+    assert [(e.id, e.links) for e in served.layer().events] == [("a2", ())]
+
+
+def test_references_are_set_by_hand_and_removed_one_by_one(served: Any, annotating: Any) -> None:
+    annotating.press("e")
+    text = annotating.find("event-text")
+    text.fill("it passes the other one")
+    text.blur()
+    annotating.settle()
+    for start, end, name in ((0, 2, "o2"), (14, 23, "o3")):
+        text.evaluate("(area, [s, e]) => { area.focus(); area.setSelectionRange(s, e); }", [start, end])
+        annotating.find("reference-target").focus()
+        annotating.find("reference-target").select_option(name)
+        annotating.settle()
+    (event,) = served.layer().events
+    assert [(r.start, r.end, r.target) for r in event.references] == [(0, 2, "o2"), (14, 23, "o3")]
+    annotating.find("selected-panel").get_by_label("Remove the reference").first.click()
+    annotating.settle()
+    assert [r.target for r in served.layer().events[0].references] == ["o3"]
+    annotating.find("selected-panel").get_by_label("Remove the reference").first.click()
+    annotating.settle()
+    assert served.layer().events[0].references == ()
+
+
+def test_what_holds_at_a_frame_is_listed(annotating: Any) -> None:
+    annotating.at(40)
+    _state_a_relation(annotating)
+    annotating.find("tab-relations").click()
+    annotating.find("holds-now").check()
+    annotating.find("row-r1").wait_for()
+    annotating.at(39)
+    annotating.find("row-r1").wait_for(state="detached")
+    annotating.at(90)
+    annotating.find("row-r1").wait_for()
+
+
+def test_the_first_undo_undoes_and_nothing_is_left_in_the_end(served: Any, annotating: Any) -> None:
+    annotating.press("e")
+    annotating.at(70)
+    annotating.press("e")
+    annotating.find("undo").click()
+    annotating.settle()
+    assert len(served.layer().events) == 1
+    annotating.find("undo").click()
+    annotating.settle()
+    assert served.layer().events == ()
+    assert annotating.find("undo").is_disabled()
+    annotating.press("Control+y")
+    assert len(served.layer().events) == 1
+
+
+def test_everything_that_was_said_can_be_taken_back_at_once(served: Any, annotating: Any) -> None:
+    before = served.layer()
+    for start in (5, 50, 90):
+        annotating.at(start)
+        annotating.press("e")
+    annotating.find("history-button").click()
+    annotating.find("revision-1").click()
+    annotating.find("restore-before").click()
+    annotating.settle()
+    assert served.layer().events == before.events
+    annotating.page.keyboard.press("Escape")
+    annotating.press("Control+z")
+    assert len(served.layer().events) == 3

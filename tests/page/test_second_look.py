@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ecat.model import Argument, Event, Layer, Relation, Role, Segment
+from ecat.model import AnnotatedObject, Argument, Event, KeyFrame, Layer, Relation, Role, Segment
 from ecat.store import open_session
 
 
@@ -115,6 +115,81 @@ def test_the_gold_layer_is_built_from_what_two_people_said(served: Any, compared
     assert compared.complaints == []
 
 
+def _cup(name: str, label: str, u: float) -> AnnotatedObject:
+    keys = (KeyFrame(frame=5, coordinates=(u, 50, 100, 100)),)
+    return AnnotatedObject(id=name, name=label, kind="rectangle", stream="color", key_frames=keys)
+
+
+@pytest.fixture
+def two_views(served: Any, window: Callable[..., Any]) -> Any:
+    """Ann and Ben drew the same cup, called it differently and drew it not quite alike; only Ben saw a spoon."""
+    holds = _event("a1", "slide_next", 10, 50, roles=(Role(name="Theme", target="o7"),))
+    with open_session(served.path).write() as commit:
+        commit.put_layer(Layer(name="ann", scheme="blocks", objects=(_cup("o1", "cup", 50),)))
+        objects = (_cup("o7", "mug", 65), _cup("o8", "spoon", 400))
+        commit.put_layer(Layer(name="ben", scheme="blocks", objects=objects, events=(holds,)))
+    made = window(served)
+    made.page.evaluate(
+        "(sid) => { location.hash = `#/adjudicate/${sid}?first=ann&second=ben`; }", served.path.name
+    )
+    made.find("disagreement-2").wait_for()
+    return made
+
+
+def _decide(window: Any, words: str, verdict: str) -> None:
+    window.page.locator('[data-testid^="disagreement-"]', has_text=words).first.click()
+    window.find(f"take-{verdict}").click()
+    window.settle()
+
+
+def _gold(served: Any) -> dict[str, tuple[str, float]]:
+    layer = served.layer("gold")
+    return {thing.id: (thing.name, thing.key_frames[0].coordinates[0]) for thing in layer.objects}
+
+
+def test_objects_that_differ_are_decided_about(served: Any, two_views: Any) -> None:
+    assert (
+        "differs in name, shape"
+        in two_views.page.locator('[data-testid^="disagreement-"]', has_text="cup").inner_text()
+    )
+    _decide(two_views, "cup", "first")
+    assert _gold(served) == {"o1": ("cup", 50)}
+    _decide(two_views, "cup", "second")
+    assert _gold(served) == {"o1": ("mug", 65)}
+    _decide(two_views, "spoon", "second")
+    _decide(two_views, "slide_next", "second")
+    gold = served.layer("gold")
+    assert {name: label for name, (label, _) in _gold(served).items()} == {"o1": "mug", "o8": "spoon"}
+    assert [r.target for r in gold.events[0].roles] == ["o1"], "what Ben called o7 is the one that both mean"
+    assert two_views.complaints == []
+
+
+def test_both_views_of_an_object_or_none_can_be_taken(served: Any, two_views: Any) -> None:
+    _decide(two_views, "cup", "both")
+    assert sorted(_gold(served).values()) == [("cup", 50), ("mug", 65)]
+    _decide(two_views, "cup", "first")
+    assert list(_gold(served).values()) == [("cup", 50)]
+    _decide(two_views, "cup", "neither")
+    assert _gold(served) == {}
+
+
+def test_objects_that_both_agree_on_are_taken_with_the_rest(served: Any, window: Callable[..., Any]) -> None:
+    said = _event("a1", "slide_next", 10, 50, roles=(Role(name="Theme", target="o7"),))
+    with open_session(served.path).write() as commit:
+        commit.put_layer(Layer(name="ann", scheme="blocks", objects=(_cup("o1", "cup", 50),)))
+        commit.put_layer(Layer(name="ben", scheme="blocks", objects=(_cup("o7", "cup", 51),), events=(said,)))
+    page = window(served)
+    page.page.evaluate(
+        "(sid) => { location.hash = `#/adjudicate/${sid}?first=ann&second=ben`; }", served.path.name
+    )
+    page.find("disagreement-0").wait_for()
+    page.find("take-agreed").click()
+    page.settle()
+    _decide(page, "slide_next", "second")
+    assert _gold(served) == {"o1": ("cup", 50)}
+    assert [r.target for r in served.layer("gold").events[0].roles] == ["o1"]
+
+
 def _ecat(*arguments: str) -> None:
     subprocess.run([sys.executable, "-m", "ecat", *arguments], check=True, capture_output=True)
 
@@ -193,3 +268,21 @@ def test_what_the_machine_tracked_takes_part_under_its_own_id(
     assert [(o.id, o.name, o.kind) for o in layer.objects] == [("o2", "Shell", "marker_box")]
     whole = next(e for e in layer.events if e.parent is None)
     assert ("Theme", "o2") in {(role.name, role.target) for role in whole.roles}
+
+
+def test_a_recording_that_nobody_filmed_is_shown_in_space(
+    served: Any, surveyed: Callable[..., str], window: Callable[..., Any]
+) -> None:
+    name = surveyed(f"space-{served.path.name[:2].strip('-')}", "--choice", "push", "--choice", "pull")
+    page = window(served, author="dan")
+    page.page.evaluate("(name) => { location.hash = `#/survey/${name}`; }", name)
+    page.find("survey-space").wait_for()
+    canvas = page.find("survey-space").get_by_test_id("space-canvas")
+    shot = canvas.screenshot()
+    page.page.wait_for_timeout(600)
+    assert canvas.screenshot() != shot, "it plays"
+    page.page.keyboard.press("1")
+    page.page.wait_for_function(
+        "() => document.querySelector('[data-testid=survey-progress]').textContent.includes('1 answered')"
+    )
+    assert page.complaints == []

@@ -153,6 +153,67 @@ def test_axe_finds_nothing_serious(served: Any, window: Callable[..., Any], sche
     assert _serious(page) == []
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious_in_any_dialog(
+    served: Any, window: Callable[..., Any], scheme: str
+) -> None:
+    page = window(served, color_scheme=scheme)
+    for button in ("session-button", "windows-button", "scheme-button", "layer-button", "history-button"):
+        page.find(button).click()
+        page.page.wait_for_selector("dialog[open]")
+        assert _serious(page) == [], button
+        page.page.keyboard.press("Escape")
+    page.find("tab-objects").click()
+    page.find("row-o2").click()
+    page.find("tab-selected").click()
+    assert _serious(page) == []
+    page.find("session-button").click()
+    page.find("add-skeleton").click()
+    assert _serious(page) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious_in_the_list_of_sessions(
+    served: Any, window: Callable[..., Any], scheme: str
+) -> None:
+    page = window(served, color_scheme=scheme)
+    page.page.evaluate("() => { location.hash = '#/'; }")
+    page.find("statistics").wait_for()
+    assert _serious(page) == []
+    for button in (
+        "new-project", "import-recording", "windows-everywhere", "find-everywhere", f"delete-{served.path.name}",
+    ):  # fmt: skip
+        page.find(button).click()
+        page.page.wait_for_selector("dialog[open]")
+        assert _serious(page) == [], button
+        page.page.keyboard.press("Escape")
+    assert page.complaints == []
+
+
+def test_a_dialog_that_the_mouse_opened_does_not_keep_the_space_bar(annotating: Any) -> None:
+    annotating.find("windows-button").click()
+    annotating.page.keyboard.press("Escape")
+    annotating.press(" ")
+    assert annotating.says("app.cursor.playing")
+    assert annotating.find("windows").count() == 0
+
+
+def test_the_system_decides_about_light_and_dark_until_somebody_does(
+    served: Any, window: Callable[..., Any]
+) -> None:
+    page = window(served, color_scheme="dark")
+    surface = "getComputedStyle(document.documentElement).getPropertyValue('--surface').trim()"
+    dark = page.says(surface)
+    page.page.emulate_media(color_scheme="light")
+    page.until("document.documentElement.dataset.theme === 'light'")
+    light = page.says(surface)
+    assert light != dark
+    page.find("theme").click()
+    page.find("theme").click()
+    page.until("document.documentElement.dataset.theme === 'dark'")
+    assert page.says(surface) == dark
+
+
 def test_a_layer_of_the_page_is_one_of_the_package(served: Any, annotating: Any) -> None:
     """What the page holds is what the store reads: the mirror applies records as the package does."""
     annotating.press("e", "n", "u", "Control+z", "Delete", "Control+z")

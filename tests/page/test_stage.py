@@ -18,6 +18,7 @@ from ecat.model import AnnotatedObject, Event, Layer, Segment, Stream
 from ecat.sample import sample_session
 from ecat.store import create_session
 from ecat.store.media import ColorWriter, DepthWriter
+from ecat.web.exact import bounds_of
 
 WIDTH, HEIGHT = 160, 96
 DEPTH_WIDTH, DEPTH_HEIGHT = 64, 48
@@ -240,6 +241,19 @@ def test_depth_under_the_pointer_is_the_stored_one(stage: Any) -> None:
 # --- shapes
 
 
+def test_the_colours_of_depth_are_explained_in_numbers(stage: Any, filmed: Any) -> None:
+    legend = stage.find("depth-legend")
+    stage.page.wait_for_function(
+        "() => /\\d/.test(document.querySelector('[data-testid=depth-legend]').textContent)"
+    )
+    found = stage.says("app.api.depthRange(app.session.id, 'depth')")
+    assert [1000 * found["near_m"], 1000 * found["far_m"]] == pytest.approx(bounds_of(_depth(0)))
+    near, middle, far = (found["near_m"], (found["near_m"] + found["far_m"]) / 2, found["far_m"])
+    words = [f"{1000 * m:.0f} mm" if m < 0.9995 else f"{m:.2f} m" for m in (near, middle, far)]
+    text = legend.inner_text().replace("\n", " ")
+    assert [text.index(word) for word in words] == sorted(text.index(word) for word in words)
+
+
 def test_a_rectangle_is_drawn_and_gets_a_key_frame_where_it_is_changed(stage: Any, filmed: Any) -> None:
     _shown(stage, 10)
     stage.press("r")
@@ -402,3 +416,57 @@ def test_the_keyboard_reaches_an_event(stage: Any) -> None:
     stage.find("event-a3").focus()
     assert stage.says("app.primary.id") == "a3"
     assert "slide_past, frames 95 to 120" in stage.find("event-a3").get_attribute("aria-label")
+
+
+def test_an_object_gets_its_colour_line_key_frames_and_absence(stage: Any, filmed: Any) -> None:
+    stage.at(10)
+    stage.press("r")
+    _drag(stage, _client(stage, 20, 30), _client(stage, 60, 70))
+    stage.settle()
+    stage.find("object-color").evaluate(
+        "(input) => { input.value = '#123456'; input.dispatchEvent(new Event('change')); }"
+    )
+    stage.settle()
+    stage.page.get_by_label("Line width").fill("4")
+    stage.page.get_by_label("Line width").press("Enter")
+    stage.settle()
+    stage.find("object-interpolation").select_option("hold")
+    stage.settle()
+    stage.at(40)
+    # the field that was left keeps no key: the shape that is shown becomes a key frame of its own
+    stage.find("add-key").click()
+    stage.settle()
+    stage.at(60)
+    stage.find("set-absent").click()
+    stage.settle()
+    layer = filmed.layer()
+    thing = layer.objects[-1]
+    assert (thing.color[:7], thing.line_width, thing.interpolation) == ("#123456", 4, "hold")
+    assert [(key.frame, key.present) for key in thing.key_frames] == [(10, True), (40, True), (60, False)]
+    stage.page.get_by_label("Remove the key frame at 60").click()
+    stage.settle()
+    assert sorted(_keys(filmed.layer())) == [10, 40]
+
+
+def test_a_shape_is_selected_by_a_click_and_removed(stage: Any, filmed: Any) -> None:
+    stage.at(10)
+    stage.press("r")
+    _drag(stage, _client(stage, 20, 30), _client(stage, 60, 70))
+    stage.settle()
+    # the first one leaves the name
+    stage.press("Escape", "Escape")
+    assert stage.says("app.selection.length") == 0
+    stage.page.mouse.click(*_client(stage, 40, 50))
+    assert stage.says("app.selectedObject.kind") == "rectangle"
+    before = len(filmed.layer().objects)
+    stage.press("Delete")
+    assert len(filmed.layer().objects) == before - 1
+
+
+def test_the_stream_is_chosen_and_streams_stand_side_by_side(stage: Any) -> None:
+    stage.find("stream-depth").click()
+    stage.page.wait_for_selector('.stage [data-testid="pane-depth"]')
+    assert stage.page.locator('.stage [data-testid="pane-color"]').count() == 0
+    stage.find("stream-color").click(modifiers=["Shift"])
+    stage.page.wait_for_selector('.stage [data-testid="pane-color"]')
+    assert stage.page.locator('.stage [data-testid="pane-depth"]').count() == 1

@@ -18,9 +18,7 @@ def both(served: Any, window: Callable[..., Any]) -> Generator[tuple[Any, Any]]:
 
 def _hold_back(window: Any) -> None:
     """Let this window not hear of what others do, as on a slow line."""
-    window.page.evaluate(
-        "() => { window.ecat.socket.onmessage = null; window.ecat.onLive = () => undefined; }"
-    )
+    window.page.evaluate("() => { window.ecat.onLive = () => undefined; }")
 
 
 def test_what_one_does_the_other_sees(served: Any, both: tuple[Any, Any]) -> None:
@@ -98,3 +96,85 @@ def test_an_edit_whose_answer_was_lost_is_not_made_twice(served: Any, window: Ca
     ann.settle()
     assert len(lost) == 1
     assert len(served.layer().events) == 1
+
+
+def test_what_is_pressed_twice_while_the_server_is_away_is_done_twice(
+    served: Any, window: Callable[..., Any]
+) -> None:
+    ann = window(served)
+    ann.press("e")
+    end = ann.says("app.selectedEvent.segments[0].end_frame")
+    ann.page.context.set_offline(True)
+    for key in ("}", "}", "}", "{", "u", "u"):
+        ann.page.keyboard.press(key)
+    ann.until("app.save === 'offline'")
+    ann.page.context.set_offline(False)
+    ann.settle()
+    (event,) = served.layer().events
+    assert event.segments[0].end_frame == end + 2
+    assert not event.unsure
+
+
+@pytest.fixture
+def conflicting(served: Any, both: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Ann has moved the edge of an event, which Ben does not know and is about to do, too."""
+    ann, ben = both
+    ann.press("e")
+    ben.until("app.document.events.list.length === 1")
+    _hold_back(ben)
+    ben.find("tab-events").click()
+    ben.find("row-a1").click()
+    ann.find("segment-0-end").fill("50")
+    ann.find("segment-0-end").press("Enter")
+    ann.settle()
+    return ann, ben
+
+
+def test_a_conflict_shows_both_and_leaving_it_keeps_theirs(served: Any, conflicting: tuple[Any, Any]) -> None:
+    _, ben = conflicting
+    ben.page.keyboard.press("}")
+    dialog = ben.find("conflict")
+    dialog.wait_for()
+    said = dialog.inner_text()
+    assert "ann changed a1" in said
+    assert "50" in said
+    assert "Yours" in said
+    assert "move edge" in said
+    ben.page.keyboard.press("Escape")
+    dialog.wait_for(state="detached")
+    ben.settle()
+    ben.find("toasts").get_by_text("Your change was left out").wait_for()
+    assert served.layer().events[0].segments[0].end_frame == 50
+    assert ben.says("app.document.event('a1').segments[0].end_frame") == 50
+
+
+def test_while_a_conflict_is_decided_no_key_edits_anything(served: Any, conflicting: tuple[Any, Any]) -> None:
+    _, ben = conflicting
+    ben.page.keyboard.press("}")
+    ben.find("conflict").wait_for()
+    for key in ("e", "Delete", "s"):
+        ben.page.keyboard.press(key)
+    ben.find("conflict-mine").click()
+    ben.settle()
+    layer = served.layer()
+    assert [e.id for e in layer.events] == ["a1"]
+    assert layer.events[0].segments[0].end_frame == 31, "what Ben had seen and moved by one"
+    assert ben.says("app.active.canUndo")
+    ben.press("Control+z")
+    assert served.layer().events[0].segments[0].end_frame == 50
+
+
+def test_a_part_that_somebody_added_meanwhile_is_asked_about(served: Any, both: tuple[Any, Any]) -> None:
+    ann, ben = both
+    ann.press("e")
+    ben.until("app.document.events.list.length === 1")
+    _hold_back(ben)
+    ben.find("tab-events").click()
+    ben.find("row-a1").click()
+    ann.press("u")
+    ben.page.keyboard.press("Delete")
+    ben.find("conflict").wait_for()
+    assert "unsure" in ben.find("conflict").inner_text()
+    ben.find("conflict-mine").click()
+    ben.settle()
+    assert served.layer().events == ()

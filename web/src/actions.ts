@@ -1,9 +1,12 @@
 // What a person can do to the selected things, whichever way it was asked for: a key, a button, a menu.
 
-import { span } from "./document";
+import { changesOf } from "./describe";
+import { type Document, span } from "./document";
+import type { Wish } from "./edits";
 import { type Context, enclosing, guessRoles, type Labelled, naming, press, pressAll, rolesField } from "./labelling";
-import { type App, MACHINE, type Selected, SPEEDS } from "./state";
-import type { AnnotatedObject, Change, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
+import { goTo, startOf } from "./navigate";
+import { type App, MACHINE, type Selected } from "./state";
+import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
 
 /** The id of the first element of a kind that a record added. */
 export function addedId(record: RecordJson, kind: "object" | "event" | "relation"): string | null {
@@ -11,9 +14,9 @@ export function addedId(record: RecordJson, kind: "object" | "event" | "relation
 }
 
 /** Runs an edit; a refusal has already been shown. */
-export async function attempt(app: App, operations: Operation | Operation[]): Promise<RecordJson | null> {
+export async function attempt(app: App, wish: Wish): Promise<RecordJson | null> {
   try {
-    return await app.edit(operations);
+    return await app.edit(wish);
   } catch {
     return null;
   }
@@ -60,23 +63,30 @@ export async function newEvent(app: App, type = app.settings.lastType, span: [nu
   if (record === null) return;
   app.setMarks({ start: null, end: null });
   app.set({ lastType: name });
+  if (!app.cursor.playing && otherTypes(app, known?.tier ?? "").length > 0) app.guess(addedId(record, "event"));
+}
+
+/** The types with a key that an event of this tier can have. */
+export function otherTypes(app: App, tier: string): EventType[] {
+  return app.scheme.event_types.filter((t) => t.key !== "" && (t.tier === tier || t.tier === ""));
 }
 
 /** A sub-event of the selected event: the marks if they lie inside, else from the end of the last one to the cursor. */
 export async function newSubEvent(app: App): Promise<void> {
   const parent = ownEvent(app, "add a sub-event to it");
   if (parent === null) return;
-  const [start, end] = span(parent);
-  const last = app.document.children(parent.id).at(-1);
-  const from = app.marks.start ?? (last === undefined ? start : span(last)[1]);
-  const to = app.marks.end ?? (app.cursor.frame > from ? app.cursor.frame : end);
-  if (Math.min(to, end) <= Math.max(from, start)) {
+  const { marks, cursor: { frame } } = app;
+  const record = await attempt(app, (document) => {
+    const now = document.event(parent.id);
+    if (now === undefined) return null;
+    const [start, end] = span(now);
+    const last = document.children(now.id).at(-1);
+    const from = Math.max(marks.start ?? (last === undefined ? start : span(last)[1]), start);
+    const to = Math.min(marks.end ?? (frame > from ? frame : end), end);
+    const tier = app.scheme.tiers.find((t) => t.parent === now.tier)?.name ?? "";
+    if (to > from) return [{ op: "add_event", tier, parent: now.id, segments: [[from, to]] }];
     app.notify("There is no room left in the event for a sub-event; set the marks I and O inside it.");
-    return;
-  }
-  const tier = app.scheme.tiers.find((t) => t.parent === parent.tier)?.name ?? "";
-  const record = await attempt(app, {
-    op: "add_event", tier, parent: parent.id, segments: [[Math.max(from, start), Math.min(to, end)]],
+    return null;
   });
   if (record !== null) {
     app.setMarks({ start: null, end: null });
@@ -88,11 +98,16 @@ export async function newSubEvent(app: App): Promise<void> {
 export function pressLabel(app: App, type: EventType): Promise<void> {
   // While an event is repeated the cursor goes in circles: the keys say what it is.
   const repeated = app.cursor.loop === null || app.primary?.layer !== app.activeLayer ? null : app.selectedEvent;
-  if (repeated !== null && app.running.length === 0) return nameEvent(app, repeated, type);
+  // The type of an event that was just made is a guess: the next key corrects it.
+  const guessed = app.guessed === null ? null : (app.document.event(app.guessed) ?? null);
+  const meant = repeated ?? (guessed !== null && otherTypes(app, guessed.tier).includes(type) ? guessed : null);
+  if (meant !== null && app.running.length === 0) return nameEvent(app, meant, type);
   return labelling(app, (frame, object) => press(app.running, type, frame, labelContext(app, object)));
 }
 
-async function nameEvent(app: App, event: EcatEvent, type: EventType): Promise<void> {
+export async function nameEvent(app: App, event: EcatEvent, type: EventType): Promise<void> {
+  if (app.guessed === event.id) app.set({ lastType: type.name });
+  app.guess(null);
   await attempt(app, naming(event, { type: type.name }, labelContext(app, await actedUpon(app))));
 }
 
@@ -194,17 +209,23 @@ function ancestors(app: App, id: string): string[] {
 }
 
 /** Moves one edge of a segment; where sub-events would stick out, asks whether they are to be cut as well. */
-export async function moveEdge(app: App, event: EcatEvent, segment: number, edge: "start" | "end", frame: number): Promise<RecordJson | null> {
+export function moveEdge(app: App, event: EcatEvent, segment: number, edge: "start" | "end", frame: number): Promise<RecordJson | null> {
+  return attempt(app, (document) => edgeMoved(app, document, event.id, segment, edge, frame));
+}
+
+async function edgeMoved(app: App, document: Document, id: string, segment: number, edge: "start" | "end", frame: number): Promise<Operation[] | null> {
+  const event = document.event(id);
+  if (event === undefined) return null;
   const hull = event.segments.flatMap((s, i) => (i !== segment ? [s.start_frame, s.end_frame] : edge === "start" ? [frame, s.end_frame] : [s.start_frame, frame]));
   const [low, high] = [Math.min(...hull), Math.max(...hull)];
-  const cut = app.document.children(event.id).filter((c) => span(c)[0] < low || span(c)[1] > high);
-  const operation: Operation = { op: "move_edge", id: event.id, segment, edge, frame };
+  const cut = document.children(id).filter((c) => span(c)[0] < low || span(c)[1] > high);
+  const operation: Operation = { op: "move_edge", id, segment, edge, frame };
   if (cut.length > 0) {
     const names = cut.map((c) => c.type || c.id).join(", ");
     if (!(await app.confirm("Cut the sub-events too?", `${names} would reach beyond the event.`, "Cut them"))) return null;
     operation.children = "clip";
   }
-  return attempt(app, operation);
+  return [operation];
 }
 
 export async function split(app: App): Promise<void> {
@@ -233,25 +254,36 @@ function siblings(app: App, event: EcatEvent): EcatEvent[] {
     .sort((a, b) => span(a)[0] - span(b)[0]);
 }
 
-/** Moves an edge of the selected segment by frames; keeps the segment at least one frame long. */
+/**
+ * Moves an edge of the selected segment by frames; keeps the segment at least one frame long.  From where it is when
+ * all edits before are done: pressed twice while the server is away, it moves by two.
+ */
 export async function nudge(app: App, edge: "start" | "end", by: number): Promise<void> {
   const event = ownEvent(app, "nudge its edges");
   if (event === null) return;
-  const at = app.primary?.segment ?? (edge === "start" ? 0 : event.segments.length - 1);
-  const segment = event.segments[at];
-  if (segment === undefined) return;
-  const frame = (edge === "start" ? segment.start_frame : segment.end_frame) + by;
-  const low = edge === "start" ? 0 : segment.start_frame + 1;
-  const high = edge === "start" ? segment.end_frame - 1 : app.nFrames;
-  if (frame < low || frame > high) return;
-  if ((await moveEdge(app, event, at, edge, frame)) !== null) app.seek(edge === "start" ? frame : frame - 1);
+  const wished = app.primary?.segment;
+  let frame = 0;
+  const record = await attempt(app, (document) => {
+    const segments = document.event(event.id)?.segments ?? [];
+    const at = wished ?? (edge === "start" ? 0 : segments.length - 1);
+    const segment = segments[at];
+    if (segment === undefined) return null;
+    frame = (edge === "start" ? segment.start_frame : segment.end_frame) + by;
+    const low = edge === "start" ? 0 : segment.start_frame + 1;
+    const high = edge === "start" ? segment.end_frame - 1 : app.nFrames;
+    return frame < low || frame > high ? null : edgeMoved(app, document, event.id, at, edge, frame);
+  });
+  if (record !== null) app.seek(edge === "start" ? frame : frame - 1);
 }
 
 export async function toggleUnsure(app: App): Promise<void> {
   const events = ownEvents(app);
   if (events.length === 0) return void ownEvent(app, "mark it unsure");
-  const unsure = !events.every((e) => e.unsure);
-  await attempt(app, events.map((e) => ({ op: "edit_event", id: e.id, unsure })));
+  await attempt(app, (document) => {
+    const now = events.map((e) => document.event(e.id)).filter((e) => e !== undefined);
+    const unsure = !now.every((e) => e.unsure);
+    return now.map((e) => ({ op: "edit_event", id: e.id, unsure }));
+  });
 }
 
 /** The object is absent from the cursor on; or present again, where it is absent now. */
@@ -274,6 +306,7 @@ export function toggleLoop(app: App): void {
 /** Enter: accepts selected proposals, confirms selected events, ends running labels. */
 export async function confirmSelected(app: App): Promise<void> {
   if (app.running.length > 0) return closeLabels(app);
+  app.guess(null);
   const proposals = app.selection.filter((s) => s.layer === MACHINE);
   if (proposals.length > 0) return acceptSelected(app);
   const open = ownEvents(app).filter((e) => e.status === "proposed");
@@ -313,100 +346,10 @@ function neighbourProposal(app: App, from: Selected): Selected | null {
   return next === undefined ? null : { kind: from.kind, id: next.id, layer: MACHINE };
 }
 
-export function startOf(element: EcatEvent | Relation): number {
-  return "segments" in element ? span(element)[0] : element.start_frame;
-}
-
-/** Selects an element and moves the cursor to its start. */
-export function goTo(app: App, selected: Selected | null): void {
-  if (selected === null) return app.select([]);
-  app.select([selected]);
-  const document = app.layers.get(selected.layer)?.document;
-  const element = selected.kind === "event" ? document?.event(selected.id) : selected.kind === "relation" ? document?.relation(selected.id) : undefined;
-  if (element !== undefined) app.seek(startOf(element));
-  else {
-    const first = document?.object(selected.id)?.key_frames.find((k) => k.present);
-    if (first !== undefined && app.cursor.frame < first.frame) app.seek(first.frame);
-  }
-}
-
-/** Selects the previous (-1) or next (+1) event in time among those shown. */
-export function stepEvent(app: App, by: -1 | 1): void {
-  const all = app.shownLayers.flatMap((l) => l.document.events.list
-    .filter((e) => l.name !== MACHINE || app.decided(e.id) === null)
-    .map((e) => ({ layer: l.name, id: e.id, at: span(e) })));
-  all.sort((a, b) => a.at[0] - b.at[0] || b.at[1] - a.at[1] || (a.id < b.id ? -1 : 1));
-  const now = app.primary?.kind === "event" ? all.findIndex((e) => e.id === app.primary?.id && e.layer === app.primary.layer) : -1;
-  const frame = app.cursor.frame;
-  const next = now >= 0 ? all[now + by] : by > 0 ? all.find((e) => e.at[0] >= frame) : all.findLast((e) => e.at[0] <= frame);
-  if (next !== undefined) goTo(app, { kind: "event", id: next.id, layer: next.layer });
-}
-
-/** Moves the cursor to the previous or next edge of any shown event. */
-export function stepEdge(app: App, by: -1 | 1): void {
-  let best: number | null = null;
-  const frame = app.cursor.frame;
-  for (const layer of app.shownLayers) {
-    for (const event of layer.document.events.list) {
-      for (const s of event.segments) {
-        for (const edge of [s.start_frame, s.end_frame]) {
-          if ((edge - frame) * by > 0 && (best === null || Math.abs(edge - frame) < Math.abs(best - frame))) best = edge;
-        }
-      }
-    }
-  }
-  if (best !== null) app.seek(best);
-}
-
-export function changeSpeed(app: App, by: -1 | 1): void {
-  const now = SPEEDS.findIndex((s) => s >= app.cursor.speed - 1e-6);
-  app.setSpeed(SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, (now < 0 ? SPEEDS.length : now) + by))] ?? 1);
-}
-
 export function undo(app: App): void {
   void app.undo().then((r) => app.notify("Undone.", changesOf(r))).catch(() => undefined);
 }
 
 export function redo(app: App): void {
   void app.redo().then((r) => app.notify("Done again.", changesOf(r))).catch(() => undefined);
-}
-
-/** "event a4 removed", for a change. */
-export function titleOf(change: Change): string {
-  const verb = change.before === null ? "added" : change.after === null ? "removed" : "changed";
-  return [change.kind.replaceAll("_", " "), change.id, verb].filter(Boolean).join(" ");
-}
-
-/** What an edit came to, in a few words: an undo and a redo do not say it themselves. */
-export function changesOf(record: RecordJson): string {
-  const [first, ...more] = record.changes.filter((c) => c.kind !== "layer" || record.changes.length === 1);
-  return first === undefined ? "" : more.length === 0 ? titleOf(first) : `${titleOf(first)} and ${more.length} more`;
-}
-
-const WORDS: Record<string, string> = {
-  add_object: "add object", edit_object: "edit object", remove_object: "remove object", set_property: "set property",
-  set_key_frame: "set key frame", set_absent: "mark absent", remove_key_frame: "remove key frame", set_presence: "set presence",
-  copy_objects: "copy objects", add_event: "add event", edit_event: "edit event", remove_event: "remove event",
-  set_segments: "set segments", move_edge: "move edge", move_event: "move event", add_segment: "add segment",
-  remove_segment: "remove segment", split_event: "split event", merge_events: "merge events", set_parent: "set parent",
-  link_events: "link events", unlink_events: "unlink events", set_role: "set role", add_reference: "add reference",
-  remove_reference: "remove reference", find_references: "find references", set_predicates: "set predicates", set_slots: "set slots",
-  add_relation: "add relation", edit_relation: "edit relation", remove_relation: "remove relation",
-  accept_proposal: "accept proposal", reject_proposal: "reject proposal", set_scheme: "choose coding scheme",
-  add_windows: "add windows", undo: "undo", redo: "redo", restore: "restore", replace: "replaced from outside",
-};
-
-/** An operation in a few words, for the history. */
-export function describe(operation: Operation | Operation[]): string {
-  if (Array.isArray(operation)) {
-    // Of a step of several, what was added says more than what had to make room for it.
-    const first = operation.find((o) => o.op === "edit_event" && o.type) ?? operation.find((o) => o.op.startsWith("add_") && o.type) ?? operation[0];
-    return first === undefined ? "nothing" : operation.length === 1 ? describe(first) : `${describe(first)} and ${operation.length - 1} more`;
-  }
-  const inner = operation.operations;
-  if (Array.isArray(inner)) return describe(inner as Operation[]);
-  const subject = [operation.id, operation.object, operation.target, operation.proposal].find((v) => typeof v === "string" && v !== "");
-  const what = [operation.type, operation.predicate, operation.name, operation.role].find((v) => typeof v === "string" && v !== "");
-  const revision = operation.op === "undo" ? operation.undoes : operation.op === "redo" ? operation.redoes : operation.op === "restore" ? operation.revision : undefined;
-  return [WORDS[operation.op] ?? operation.op, what, subject, revision === undefined ? "" : `#${String(revision)}`].filter(Boolean).join(" ");
 }

@@ -4,6 +4,7 @@
 import { attempt } from "./actions";
 import { fill, h } from "./dom";
 import { choice, field } from "./inspector/fields";
+import { swatch } from "./scheme";
 import { type App, MACHINE, type Selected } from "./state";
 import type { Agreement, AgreementFigures, Disagreement, Operation } from "./types";
 
@@ -57,9 +58,10 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   const take = async (verdict: Verdict): Promise<void> => {
     const one = agreement?.disagreements[at];
     if (one === undefined || agreement === null) return;
-    const operations = [
-      ...decide(app, one, chosen.first, one.first, verdict === "first" || verdict === "both"),
-      ...decide(app, one, chosen.second, one.second, verdict === "second" || verdict === "both"),
+    const wanted: [boolean, boolean] = [verdict === "first" || verdict === "both", verdict === "second" || verdict === "both"];
+    const operations = one.kind === "object" ? decideObject(app, one, chosen, wanted) : [
+      ...decide(app, one, chosen.first, one.first, wanted[0]),
+      ...decide(app, one, chosen.second, one.second, wanted[1]),
     ];
     const before = agreement.disagreements.filter(decided);
     if (operations.length > 0 && (await attempt(app, operations)) === null) return;
@@ -75,7 +77,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   const takeAgreed = async (): Promise<void> => {
     const layer = app.layers.get(chosen.first);
     if (layer === undefined || agreement === null) return;
-    const operations = agreed(app, chosen.first, agreement.disagreements);
+    const operations = agreed(app, chosen, agreement);
     if (operations.length === 0) return app.notify("Nothing is left to take over: sub-events come with their events.");
     if ((await attempt(app, operations)) !== null) app.notify(`${operations.length} things that both agree on were taken over.`);
     show();
@@ -100,13 +102,12 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
     const one = found.disagreements[current];
     return h("div.section", null,
       h("h3", null, `${found.disagreements.length} disagreements, ${open} open`),
-      one === undefined ? h("p.empty", null, "They agree in everything.") : h("div.hint", null, h("div", null, h("strong", null, `${one.label || one.kind} `), differences(one, chosen)),
+      one === undefined ? h("p.empty", null, "They agree in everything.") : h("div.hint", null, h("div", null, h("strong", null, `${one.label || one.kind} `), differences(one, chosen)), looks(app, one, chosen),
         h("div.actions", null, LABELS.map(([verdict, label, key]) => h("button.button", {
           type: "button", title: `${label} (${key})`, "data-testid": `take-${verdict}`,
-          disabled: one.kind === "object" || (verdict === "first" && one.first === null) || (verdict === "second" && one.second === null) || (verdict === "both" && (one.first === null || one.second === null)),
+          disabled: (verdict === "first" && one.first === null) || (verdict === "second" && one.second === null) || (verdict === "both" && (one.first === null || one.second === null)),
           onclick: () => void take(verdict),
-        }, label))),
-        one.kind === "object" ? h("p.muted", null, "Objects come along with the events that need them.") : null),
+        }, label)))),
       h("div", { role: found.disagreements.length > 0 ? "listbox" : null, "aria-label": found.disagreements.length > 0 ? "Disagreements" : null }, found.disagreements.slice(0, 500).map((d, i) => h("div.list-row.history-row", {
         role: "option", "aria-selected": String(i === current), "data-testid": `disagreement-${i}`,
         onclick: () => {
@@ -156,9 +157,46 @@ function state(app: App, d: Disagreement, chosen: { first: string; second: strin
   return taken || (seen || [...first, ...second].includes("rejected") ? "neither" : "open");
 }
 
+/** How each of the two has an object. */
+function looks(app: App, d: Disagreement, chosen: { first: string; second: string }): HTMLElement | null {
+  if (d.kind !== "object") return null;
+  const look = (letter: string, layer: string, id: string | null): HTMLElement | null => {
+    const thing = id === null ? undefined : app.layers.get(layer)?.document.object(id);
+    if (thing === undefined) return null;
+    const keys = thing.key_frames.length;
+    return h("div.row", null, h("span.muted", null, `${letter} ${layer}`), swatch(thing.color), h("span", null, thing.name || thing.id),
+      h("span.muted", null, [thing.kind.replaceAll("_", " "), thing.semantic_type, keys > 0 ? `${keys} key ${keys === 1 ? "frame" : "frames"}` : ""].filter(Boolean).join(", ")));
+  };
+  return h("div", null, look("A", chosen.first, d.first), look("B", chosen.second, d.second));
+}
+
+/**
+ * One object for both views of it, which looks as the one that is taken and is named by whatever is taken over of either
+ * layer; or two objects; or none.
+ */
+function decideObject(app: App, d: Disagreement, chosen: { first: string; second: string }, wanted: [boolean, boolean]): Operation[] {
+  const views = [d.first === null ? null : `${chosen.first}/${d.first}`, d.second === null ? null : `${chosen.second}/${d.second}`] as const;
+  const operations: Operation[] = [];
+  for (const side of [0, 1] as const) {
+    const [proposal, other] = [views[side], views[side === 0 ? 1 : 0]];
+    if (proposal === null) continue;
+    const now = app.document.decisions.get(proposal);
+    const takesOther = wanted[side === 0 ? 1 : 0] && other !== null;
+    if (wanted[side]) {
+      if (now?.verdict === "accepted") continue;
+      operations.push({ op: "accept_proposal", proposal, ...(takesOther || other === null ? {} : { same_as: other }) });
+    } else if (now?.verdict === "accepted" && !(takesOther && app.document.decisions.get(other)?.verdict !== "accepted")) {
+      // its view is not wanted any more, and no other one takes its place
+      if (app.document.object(now.result) !== undefined) operations.unshift({ op: "remove_object", id: now.result });
+      operations.push({ op: "reject_proposal", proposal });
+    } else if (!takesOther && now?.verdict !== "accepted") operations.push({ op: "reject_proposal", proposal });
+  }
+  return operations;
+}
+
 /** What makes the gold layer contain, or not contain, an element of another layer. */
 function decide(app: App, d: Disagreement, layer: string, ids: string | null, wanted: boolean): Operation[] {
-  return d.kind === "object" ? [] : idsOf(d, ids).flatMap((id) => decideOne(app, d, layer, id, wanted));
+  return idsOf(d, ids).flatMap((id) => decideOne(app, d, layer, id, wanted));
 }
 
 function decideOne(app: App, d: Disagreement, layer: string, id: string, wanted: boolean): Operation[] {
@@ -171,14 +209,20 @@ function decideOne(app: App, d: Disagreement, layer: string, id: string, wanted:
 }
 
 /** Takes over whatever of the first layer nobody disputes; sub-events come with their events, also when those are disputed. */
-function agreed(app: App, layer: string, disagreements: Disagreement[]): Operation[] {
+function agreed(app: App, chosen: { first: string; second: string }, { disagreements, objects }: Agreement): Operation[] {
+  const layer = chosen.first;
   const source = app.layers.get(layer)?.document;
   if (source === undefined) return [];
   const disputed = new Set(disagreements.flatMap((d) => idsOf(d, d.first).map((id) => `${d.kind} ${id}`)));
   const open = (kind: string, id: string): boolean => !disputed.has(`${kind} ${id}`) && app.document.decisions.get(`${layer}/${id}`) === undefined;
   const events = source.events.list.filter((e) => open("event", e.id) && e.parent === null);
   const relations = source.relations.list.filter((r) => open("relation", r.id));
-  return [...events, ...relations].map((e) => ({ op: "accept_proposal", proposal: `${layer}/${e.id}` }));
+  // first of all the objects, so that what either layer says of them is said of one
+  const things = objects.filter(([a, b]) => open("object", a) && app.document.decisions.get(`${chosen.second}/${b}`) === undefined);
+  return [
+    ...things.map(([a, b]) => ({ op: "accept_proposal", proposal: `${layer}/${a}`, same_as: `${chosen.second}/${b}` })),
+    ...[...events, ...relations].map((e) => ({ op: "accept_proposal", proposal: `${layer}/${e.id}` })),
+  ];
 }
 
 function figures(agreement: AgreementFigures): HTMLElement {

@@ -1,8 +1,8 @@
 // The server's HTTP and WebSocket interface.  Every failure is an ApiError that says what, where, consequence and fix.
 
 import type {
-  Agreement, ColumnTable, EditAnswer, ErrorJson, LayerAnswer, LiveMessage, Operation, Project, RecordJson, SeriesInfo, SessionInfo,
-  Survey, SurveySummary, TableColumn,
+  Agreement, Archived, ColumnTable, EditAnswer, ErrorJson, Job, LayerAnswer, LiveMessage, Neighbour, Operation, OtherObjects, Project,
+  RecordJson, SeriesInfo, SessionInfo, Survey, SurveySummary, TableColumn,
 } from "./types";
 
 export class ApiError extends Error {
@@ -41,8 +41,12 @@ async function getJson<T>(url: string, signal?: AbortSignal): Promise<T> {
   return (await (await request(url, { signal })).json()) as T;
 }
 
-async function postJson<T>(url: string, body: unknown): Promise<T> {
-  const init = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+function postJson<T>(url: string, body: unknown): Promise<T> {
+  return send("POST", url, body);
+}
+
+async function send<T>(method: string, url: string, body?: unknown): Promise<T> {
+  const init = { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
   return (await (await request(url, init)).json()) as T;
 }
 
@@ -110,6 +114,49 @@ export class Api {
 
   readonly mediaUrl = (sid: string, stream: string) => path("sessions", sid, "media", stream);
   readonly frameUrl = (sid: string, stream: string, frame: number) => path("sessions", sid, "frames", stream, `${frame}.jpg`);
+
+  readonly depthRange = (sid: string, stream: string) =>
+    getJson<{ near_m: number; far_m: number }>(path("sessions", sid, "depth", stream, "range"));
+
+  // --- what goes on behind the page
+
+  readonly process = (sid: string, stages: string[] | null) => postJson<Job>(path("sessions", sid, "process"), { stages });
+  readonly addSkeletons = (sid: string, body: { layer: string; author: string; upload: string }) =>
+    postJson<Job>(path("sessions", sid, "skeletons"), body);
+  readonly addFiles = (sid: string, upload: string) => postJson<Job>(path("sessions", sid, "files"), { upload });
+  readonly removeFile = (sid: string, stream: string) => postJson<unknown>(path("sessions", sid, "files", stream, "removal"), { name: stream });
+  readonly job = (id: string) => getJson<Job>(path("jobs", id));
+  readonly stopJob = (id: string) => send<Job>("DELETE", path("jobs", id));
+
+  /** Sends files, each by its name or its path below the folder that was chosen; the upload's id. */
+  readonly upload = async (files: File[], told: (done: number, total: number) => void): Promise<string> => {
+    const { id } = await postJson<{ id: string }>(path("uploads"), {});
+    const total = files.reduce((sum, f) => sum + f.size, 0);
+    let done = 0;
+    for (const file of files) {
+      told(done, total);
+      await request(path("uploads", id, ...(file.webkitRelativePath || file.name).split("/")), { method: "PUT", body: file });
+      done += file.size;
+    }
+    return id;
+  };
+
+  // --- the project
+
+  readonly makeProject = (name: string, inside: string) => postJson<{ path: string }>(path("project", "projects"), { name, inside });
+  readonly importUpload = (body: { name: string; inside: string; upload: string }) => postJson<Job>(path("project", "imports"), body);
+  readonly editAll = (body: { author: string; layer: string; operations: Operation[]; make: boolean }) =>
+    postJson<Job>(path("project", "operations"), body);
+  readonly remove = (sid: string, name: string, keep: boolean) =>
+    postJson<{ archived: string | null }>(path("sessions", sid, "removal"), { name, keep });
+  readonly archive = () => getJson<Archived[]>(path("project", "archive"));
+  readonly restoreArchived = (id: string) => postJson<{ id: string | null }>(path("project", "archive", id, "restore"), {});
+  readonly dropArchived = (id: string, name: string) => postJson<unknown>(path("project", "archive", id, "removal"), { name, keep: false });
+  readonly others = (sid: string) => getJson<Neighbour[]>(path("sessions", sid, "others"));
+  readonly otherObjects = (sid: string, name: string, layer: string) =>
+    getJson<OtherObjects>(`${path("sessions", sid, "others", name)}?layer=${encodeURIComponent(layer)}`);
+
+  readonly fileUrl = (sid: string, stream: string) => path("sessions", sid, "files", stream);
 
   readonly live = (sid: string): WebSocket => {
     const url = new URL(path("sessions", sid, "live"), location.href);

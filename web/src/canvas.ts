@@ -31,7 +31,6 @@ class ShapeCanvas {
   private readonly list = h("div.visually-hidden", { role: "group", "aria-label": "Shapes in the image" });
   private readonly handles: Handles;
   private readonly measured: Measured;
-  private readonly bones: ReturnType<typeof bonesOf>;
   private readonly offs: (() => void)[];
   private shapes: VisibleShape[] = [];
   private rings: Ring[] = [];
@@ -47,7 +46,6 @@ class ShapeCanvas {
     private readonly app: App,
     private readonly pane: Pane,
   ) {
-    this.bones = bonesOf(app);
     this.measured = new Measured(app, () => this.queue());
     this.handles = new Handles({
       view: () => pane.view,
@@ -59,7 +57,7 @@ class ShapeCanvas {
     const queue = () => this.queue();
     this.offs = [
       app.on("cursor", queue), app.on("layer", queue), app.on("layers", queue), app.on("selection", queue),
-      app.on("settings", () => this.onSettings()), pane.onView(queue), pane.onShown(queue),
+      app.on("settings", () => this.onSettings()), app.on("tables", () => this.measured.clear()), pane.onView(queue), pane.onShown(queue),
     ];
     const on = <K extends keyof HTMLElementEventMap>(name: K, listener: (event: HTMLElementEventMap[K]) => void) =>
       this.canvas.addEventListener(name, listener);
@@ -100,7 +98,7 @@ class ShapeCanvas {
       this.clean = false;
     }
     const chosen = new Set(app.selection.filter((s) => s.kind === "object").map((s) => s.id));
-    this.rings = this.measured.rings(app.cursor.frame);
+    this.rings = app.settings.marks ? this.measured.rings(app.cursor.frame) : [];
     const skeletons = this.measured.skeletons(app.cursor.frame);
     this.shapes = visibleShapes(app, pane.stream.name, this.preview);
     const something = this.rings.length + skeletons.length + this.shapes.length > 0 || this.draft !== null || pane.source === "none";
@@ -112,7 +110,7 @@ class ShapeCanvas {
     context.clearRect(0, 0, width, height);
     if (pane.source === "none") drawBlank(context, pane.image, pane.view);
     drawRings(context, this.rings, pane.view, chosen);
-    drawSkeletons(context, skeletons, this.bones, pane.view);
+    drawSkeletons(context, skeletons, bonesOf(app), pane.view);
     const isChosen = (shape: VisibleShape) => app.selection.some((s) => s.kind === "object" && s.id === shape.object.id && s.layer === shape.layer);
     for (const shape of this.shapes) if (!isChosen(shape)) drawShape(context, shape, pane.view, false);
     for (const shape of this.shapes) if (isChosen(shape)) drawShape(context, shape, pane.view, true);

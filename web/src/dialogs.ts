@@ -1,7 +1,7 @@
 // Dialogs and messages: modal questions with the browser's own <dialog>, and notes in the corner that go away.
 
 import { changedId, type Conflict } from "./conflict";
-import { describe, titleOf } from "./actions";
+import { describe, titleOf } from "./describe";
 import { h, iconButton } from "./dom";
 import type { App, Notice } from "./state";
 import type { Change, Operation } from "./types";
@@ -14,6 +14,11 @@ export interface DialogParts {
   testId: string;
 }
 
+let lastInput: "pointer" | "keyboard" = "keyboard";
+for (const [name, kind] of [["pointerdown", "pointer"], ["keydown", "keyboard"]] as const) {
+  globalThis.addEventListener?.(name, () => (lastInput = kind), { capture: true });
+}
+
 /** Shows a modal dialog; resolves when it is closed, with the value of the button that closed it. */
 export function openDialog({ title, body, foot = [], size = "narrow", testId }: DialogParts): { element: HTMLDialogElement; closed: Promise<string> } {
   const element = h(`dialog.${size}`, { "aria-label": title, "data-testid": testId });
@@ -24,9 +29,12 @@ export function openDialog({ title, body, foot = [], size = "narrow", testId }: 
     ...(foot.length > 0 ? [h("div.dialog-foot", null, foot)] : []),
   );
   document.body.append(element);
+  const byPointer = lastInput === "pointer";
   const closed = new Promise<string>((resolve) => {
     element.addEventListener("close", () => {
       element.remove();
+      // the button that opened it gets the focus back, but whoever used the mouse does not want it: Space is to play
+      if (byPointer && document.activeElement instanceof HTMLElement) document.activeElement.blur();
       resolve(element.returnValue);
     });
   });
@@ -96,7 +104,7 @@ export function changeView(change: Change): HTMLElement | null {
 /** What an operation of one's own would set. */
 function mine(operation: Operation): HTMLElement {
   const fields = Object.entries(operation).filter(([key, value]) => key !== "op" && key !== "id" && value !== null);
-  return h("div.change", null, `${describe(operation)} `, fields.map(([key, value]) => h("ins", null, `${key.replaceAll("_", " ")}: ${said(key, value)}`)));
+  return h("div.change", null, `${describe(operation)} `, fields.flatMap(([key, value]) => [h("ins", null, `${key.replaceAll("_", " ")}: ${said(key, value)}`), " "]));
 }
 
 async function askConflict({ operations, touched }: Conflict): Promise<boolean> {

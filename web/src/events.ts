@@ -45,6 +45,10 @@ export interface Settings {
   lastType: string;
   lastTier: string;
   plots: string[];
+  /** How much of skeletons is drawn. */
+  body: "whole" | "upper";
+  /** Whether the faces of markers are drawn. */
+  marks: boolean;
   panes: Record<string, number>;
 }
 
@@ -88,6 +92,10 @@ export interface AppEvents {
   /** The marks I and O. */
   marks: Marks;
   proxy: { stream: string; proxy: Proxy };
+  /** Tables that are other ones now; null: perhaps all of them. */
+  tables: string[] | null;
+  /** The event whose type is a guess, or that it is none any more. */
+  guessed: string | null;
   notice: Notice;
 }
 

@@ -11,7 +11,7 @@ export function openHelp(app: App): void {
     SHORTCUTS.filter((s) => s.group === group).map((s) => line(s.show, s.label))));
   if (typed.length > 0) {
     groups.push(h("section", null, h("h3", null, `Labels of ${app.scheme.name}`), typed.map((t) => line([t.key], t.name)),
-      h("p.muted", null, "Press to start, press again to end; the next label of the same tier ends the one before. Held down, it ends when you let go.")));
+      h("p.muted", null, "Press to start, press again to end; the next label of the same tier ends the one before. Held down, it ends when you let go. Right after E, the key says what the new event is.")));
   }
   openDialog({ title: "Keyboard", testId: "help", size: "full-dialog", body: [h("div.columns", null, groups)] });
 }

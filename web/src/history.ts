@@ -1,6 +1,6 @@
 // Every edit of the layer with its author and time; any revision can be brought back, which is an edit itself.
 
-import { changesOf, describe } from "./actions";
+import { changesOf, describe } from "./describe";
 import { changeView, openDialog } from "./dialogs";
 import { fill, h } from "./dom";
 import type { App } from "./state";

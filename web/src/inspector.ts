@@ -1,7 +1,9 @@
 // The inspector: everything about the selected element, and the lists of what there is.
 
 import { newEvent } from "./actions";
+import { openCopying } from "./copying";
 import { fill, h } from "./dom";
+import { hullsOf } from "./hulls";
 import { eventPanel } from "./inspector/event";
 import { createList, createRelationList, eventRows, objectRows, proposalRows } from "./inspector/lists";
 import { objectPanel } from "./inspector/object";
@@ -16,7 +18,9 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
   const selected = h("div.panel", { "data-testid": "selected-panel" });
   const relations = createRelationList(app);
   const lists = {
-    Objects: createList(app, "Objects", () => objectRows(app), () => []),
+    Objects: createList(app, "Objects", () => objectRows(app), () => [h("div.list-tools", null, h("button.button", {
+      type: "button", "data-testid": "copy-objects", "data-focus": "copy objects", onclick: () => void openCopying(app),
+    }, "Copy from another session…"))]),
     Events: createList(app, "Events", () => eventRows(app), () => []),
     Relations: relations,
     Machine: createList(app, "Proposals", () => proposalRows(app), () => []),
@@ -83,8 +87,8 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
     app.on("layer", ({ layer, changes }) => {
       if (layer === app.activeLayer) added = changes?.find((c) => c.kind === "object" && c.before === null)?.id ?? added;
       later();
-    }), app.on("layers", later), app.on("session", later), app.on("settings", later), app.on("marks", later),
-    app.on("selection", onSelection),
+    }), app.on("layers", later), app.on("session", later), app.on("settings", later), app.on("marks", later), app.on("guessed", later), app.on("tables", later),
+    app.on("selection", onSelection), hullsOf(app).onLoaded(later),
     app.on("cursor", () => {
       if (tab === "Relations") relations.atCursor();
       else if (tab === "Selected" && app.primary?.kind === "object" && !app.cursor.playing) later();

@@ -1,9 +1,7 @@
 // Every shortcut, in one table.  None fires while text is being typed or a dialog is open.
 
-import {
-  changeSpeed, confirmSelected, markAbsent, merge, newEvent, newSubEvent, nudge, pressLabel, redo, rejectSelected,
-  rememberObject, removeSelected, split, stepEdge, stepEvent, toggleLoop, toggleUnsure, undo,
-} from "./actions";
+import { confirmSelected, markAbsent, merge, newEvent, newSubEvent, nudge, pressLabel, redo, rejectSelected, rememberObject, removeSelected, split, toggleLoop, toggleUnsure, undo } from "./actions";
+import { changeSpeed, stepEdge, stepEvent } from "./navigate";
 import { isTyping } from "./dom";
 import { openHelp } from "./help";
 import type { App } from "./state";
@@ -130,13 +128,20 @@ export function createKeyboard(_host: HTMLElement, app: App): { destroy(): void 
   document.addEventListener("keydown", down);
   document.addEventListener("keyup", up);
   document.addEventListener("click", click);
-  const off = app.on("selection", () => rememberObject(app));
+  const offs = [
+    app.on("selection", () => {
+      rememberObject(app);
+      if (app.primary?.id !== app.guessed) app.guess(null);
+    }),
+    // who goes on to another place has seen what the type is
+    app.on("cursor", () => app.guess(null)), app.on("layers", () => app.guess(null)),
+  ];
   return {
     destroy: () => {
       document.removeEventListener("keydown", down);
       document.removeEventListener("keyup", up);
       document.removeEventListener("click", click);
-      off();
+      for (const off of offs) off();
     },
   };
 }

@@ -14,6 +14,7 @@ import { createPlots } from "./plots";
 import { createSpace } from "./space";
 import { App } from "./state";
 import { createSurvey, createSurveyList } from "./survey";
+import { keepTheme } from "./theme";
 import { createTimeline } from "./timeline";
 import { createTopbar } from "./topbar";
 
@@ -138,14 +139,7 @@ async function route(): Promise<void> {
   }
 }
 
-function applyTheme(): void {
-  const { theme } = app.settings;
-  if (theme === "system") delete document.documentElement.dataset.theme;
-  else document.documentElement.dataset.theme = theme;
-}
-
-applyTheme();
-app.on("settings", applyTheme);
+keepTheme(app);
 installDialogs(app);
 window.addEventListener("hashchange", () => void route());
 void route();

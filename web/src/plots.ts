@@ -16,8 +16,18 @@ const HEIGHT = 46;
 const AT_FIRST = 1;
 
 export function createPlots(host: HTMLElement, app: App): { destroy(): void } {
-  const plots = new Plots(host, app);
-  return { destroy: () => plots.destroy() };
+  let plots = new Plots(host, app);
+  // other tables make other curves
+  const off = app.on("tables", () => {
+    plots.destroy();
+    plots = new Plots(host, app);
+  });
+  return {
+    destroy: () => {
+      off();
+      plots.destroy();
+    },
+  };
 }
 
 interface Row {
@@ -69,8 +79,9 @@ class Plots {
       box.checked = this.chosen.includes(name);
       return h("label.check", null, box, `${title}, ${unit}`);
     }));
-    this.host.append(h("div.plots", null, h("div.plots-head", null, button, this.menu), this.list));
-    this.host.addEventListener("wheel", (event) => {
+    const all = h("div.plots", null, h("div.plots-head", null, button, this.menu), this.list);
+    this.host.append(all);
+    all.addEventListener("wheel", (event) => {
       this.shared.wheel(event, event.clientX - this.host.getBoundingClientRect().left - GUTTER_PX);
     }, { passive: false });
     this.arrange();

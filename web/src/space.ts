@@ -6,11 +6,12 @@
 import "./stage.css";
 import { inside } from "./canvas/shapes";
 import { h } from "./dom";
+import { type Hull, hullsOf } from "./hulls";
 import { follow } from "./pointer";
 import { bonesOf } from "./skeleton";
 import { Orbit, type Seen } from "./space/orbit";
 import { type Box, Scene } from "./space/scene";
-import { visibleFaces } from "./space/solid";
+import { convexOutline, visibleFaces } from "./space/solid";
 import type { Vector } from "./space/vector";
 import type { App } from "./state";
 import { onTheme, palette, type Palette } from "./theme";
@@ -39,8 +40,7 @@ class Space {
   private readonly note = h("p.space-note", { hidden: true });
   private readonly described = h("p.visually-hidden", { "data-testid": "space-text" });
   private readonly orbit = new Orbit();
-  private readonly scene: Scene;
-  private readonly bones: ReturnType<typeof bonesOf>;
+  private scene: Scene;
   private readonly offs: (() => void)[];
   private readonly observer: ResizeObserver;
   private faces: { object: string; points: readonly Seen[] }[] = [];
@@ -53,11 +53,7 @@ class Space {
     private readonly host: HTMLElement,
     private readonly app: App,
   ) {
-    this.bones = bonesOf(app);
-    this.scene = new Scene(app, () => {
-      if (!this.touched) this.home();
-      this.queue();
-    });
+    this.scene = this.makeScene();
     const preset = (name: string, label: string, act: () => void) =>
       h("button.space-preset", {
         type: "button", "data-testid": `view-${name}`, title: label,
@@ -72,16 +68,32 @@ class Space {
       preset("home", "Everything, from the camera's side", () => this.home()), preset("top", "From above", () => this.view(-Math.PI / 2, Math.PI / 2 - 1e-3)),
       preset("camera", "From the camera", () => this.fromCamera()), preset("side", "From the side", () => this.view(0, 0.15))));
     host.append(h("div.space", null, head, this.canvas, this.note, this.described));
-    if (!this.scene.there) {
-      this.note.hidden = false;
-      this.note.textContent = "Nothing is known in space yet. `ecat process` finds the table and the boxes.";
-    }
+    this.note.textContent = "Nothing is known in space yet. `ecat process` finds the table and the boxes.";
+    this.note.hidden = this.scene.there;
     const queue = () => this.queue();
-    this.offs = [app.on("cursor", queue), app.on("selection", queue), app.on("layer", queue), app.on("layers", queue), onTheme(queue)];
+    this.offs = [
+      app.on("cursor", queue), app.on("selection", queue), app.on("layer", queue), app.on("layers", queue), app.on("settings", queue), onTheme(queue),
+      hullsOf(app).onLoaded(queue), app.on("tables", () => this.renew()),
+    ];
     this.observer = new ResizeObserver(queue);
     this.observer.observe(this.canvas.parentElement!);
     this.listen();
     this.home();
+  }
+
+  private makeScene(): Scene {
+    return new Scene(this.app, () => {
+      if (!this.touched) this.home();
+      this.queue();
+    });
+  }
+
+  /** A stage has found something new. */
+  private renew(): void {
+    this.scene = this.makeScene();
+    this.note.hidden = this.scene.there;
+    if (!this.touched) this.home();
+    this.queue();
   }
 
   // --- point of view
@@ -173,7 +185,7 @@ class Space {
     const project = orbit.projector();
     const { frame } = app.cursor;
     const boxes = scene.boxes(frame);
-    this.table(context, project, colors);
+    if (scene.hasTable) this.table(context, project, colors);
     for (const [object, trail] of scene.trails(frame)) this.trail(context, project, objectColor(app, object), trail);
     const chosen = new Set(app.selection.filter((s) => s.kind === "object").map((s) => s.id));
     this.faces = [];
@@ -182,16 +194,28 @@ class Space {
       const centre = project(thing.pose.translation);
       if (centre) pieces.push({ depth: centre.depth, paint: () => this.box(context, project, thing, chosen.has(thing.object), colors) });
     }
+    const hulls = scene.hulls(frame);
+    for (const hull of hulls) {
+      const seen = hull.corners.map(project).filter((p) => p !== null);
+      const depth = seen.reduce((sum, p) => sum + p.depth, 0) / Math.max(1, seen.length);
+      pieces.push({ depth, paint: () => this.hull(context, hull.object, seen, chosen.has(hull.object), colors) });
+    }
     pieces.sort((a, b) => b.depth - a.depth).forEach((piece) => piece.paint());
-    for (const thing of boxes) this.label(context, project, thing, colors);
+    for (const thing of boxes) this.label(context, project, thing.name, [thing.pose.translation[0], thing.pose.translation[1], thing.pose.translation[2] + thing.size[2] * 0.75 + 0.01], colors);
+    for (const { object, corners } of hulls) {
+      const mean = (axis: 0 | 1): number => corners.reduce((sum, c) => sum + c[axis], 0) / corners.length;
+      this.label(context, project, scene.nameOf(object), [mean(0), mean(1), Math.max(...corners.map((c) => c[2])) + 0.01], colors);
+    }
     this.camera(context, project, colors);
     clearTimeout(this.textTimer);
-    this.textTimer = window.setTimeout(() => this.describe(boxes), 300);
+    this.textTimer = window.setTimeout(() => this.describe(boxes, hulls), 300);
   }
 
-  private describe(boxes: readonly Box[]): void {
-    this.described.textContent = boxes
-      .map(({ name, pose, state }) => `${name} at ${pose.translation.map((n) => n.toFixed(3)).join(", ")} m, ${state}`).join("; ");
+  private describe(boxes: readonly Box[], hulls: readonly Hull[]): void {
+    this.described.textContent = [
+      ...boxes.map(({ name, pose, state }) => `${name} at ${pose.translation.map((n) => n.toFixed(3)).join(", ")} m, ${state}`),
+      ...hulls.map(({ object, corners }) => `${this.scene.nameOf(object)}: hull of ${corners.length} corners`),
+    ].join("; ");
   }
 
   private line(context: CanvasRenderingContext2D, project: Project, points: readonly Vector[], closed: boolean): void {
@@ -264,17 +288,34 @@ class Space {
     }
   }
 
-  private label(context: CanvasRenderingContext2D, project: Project, thing: Box, colors: Palette): void {
-    const top = project([thing.pose.translation[0], thing.pose.translation[1], thing.pose.translation[2] + thing.size[2] * 0.75 + 0.01]);
+  /** What is seen of a convex body is bounded by the hull of its corners in the picture. */
+  private hull(context: CanvasRenderingContext2D, object: string, corners: readonly Seen[], chosen: boolean, colors: Palette): void {
+    const outline = convexOutline(corners);
+    if (outline.length < 3) return;
+    context.beginPath();
+    outline.forEach((p, i) => (i ? context.lineTo(p.x, p.y) : context.moveTo(p.x, p.y)));
+    context.closePath();
+    const color = objectColor(this.app, object);
+    context.fillStyle = withAlpha(color, 0.45);
+    context.fill();
+    context.lineJoin = "round";
+    context.lineWidth = chosen ? 2.5 : 1;
+    context.strokeStyle = chosen ? colors.text : shaded(color, 0.6);
+    context.stroke();
+    this.faces.push({ object, points: outline });
+  }
+
+  private label(context: CanvasRenderingContext2D, project: Project, name: string, at: Vector, colors: Palette): void {
+    const top = project(at);
     if (top === null) return;
     context.font = `500 11px ${colors.font}`;
     context.textAlign = "center";
     context.textBaseline = "bottom";
     context.lineWidth = 3;
     context.strokeStyle = colors.surface;
-    context.strokeText(thing.name, top.x, top.y);
+    context.strokeText(name, top.x, top.y);
     context.fillStyle = colors.text;
-    context.fillText(thing.name, top.x, top.y);
+    context.fillText(name, top.x, top.y);
     context.textAlign = "start";
   }
 
@@ -293,7 +334,7 @@ class Space {
 
   private *skeletons(context: CanvasRenderingContext2D, project: Project, frame: number): Generator<Piece> {
     for (const { joints, sure } of this.scene.bodies(frame)) {
-      for (const [from, to] of this.bones) {
+      for (const [from, to] of bonesOf(this.app)) {
         const [p, q] = [joints.get(from), joints.get(to)];
         const [a, b] = [p ? project(p) : null, q ? project(q) : null];
         if (!a || !b) continue;

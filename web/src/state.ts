@@ -1,24 +1,20 @@
-// What the page knows and does: the open session, its layers, the cursor, the selection, the settings.
+// What the page knows and does: the open session and its layers, which are changed by what the server recorded only.
 // Widgets listen to its events and call its methods; they never talk to each other.
 
-import { Api, ApiError, liveMessage } from "./api";
-import { type Conflict, decideConflict } from "./conflict";
+import { Api, ApiError } from "./api";
+import type { Conflict } from "./conflict";
 import { Document, schemeFromJson, span } from "./document";
-import { type Cursor, type ElementKind, Emitter, type LayerState, type Marks, type Running, type SaveState, type Selected, type Settings } from "./events";
-import type {
-  AnnotatedObject, EcatEvent, EditAnswer, LayerAnswer, LayerJson, Operation, Person, RecordJson, Relation, Scheme, SessionInfo,
-} from "./types";
+import { Edits, type Wish } from "./edits";
+import type { ElementKind, LayerState, SaveState } from "./events";
+import { Line } from "./live";
+import type { AnnotatedObject, EcatEvent, LayerAnswer, LayerJson, LiveMessage, Person, Project, RecordJson, Relation, Scheme, SessionInfo } from "./types";
+import { View } from "./view";
 
 export const MACHINE = "machine";
-export const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4];
 
-const SETTINGS_KEY = "ecat.settings";
-const DEFAULT_SETTINGS: Settings = {
-  theme: "system", author: "", suggested: "", tool: "select", proposals: true, lastType: "", lastTier: "", plots: [], panes: {},
-};
-
-export class App extends Emitter {
+export class App extends View {
   readonly api = new Api();
+  project: Project | null = null;
   session: SessionInfo | null = null;
   scheme: Scheme = schemeFromJson(null);
   /** Seconds since the session's start of each frame of the annotated video; null without a clock. */
@@ -27,13 +23,10 @@ export class App extends Emitter {
   readonly layers = new Map<string, LayerState>();
   shown: string[] = [];
   activeLayer = "main";
-  cursor: Cursor = { frame: 0, playing: false, speed: 1, loop: null };
-  selection: Selected[] = [];
-  marks: Marks = { start: null, end: null };
-  running: Running[] = [];
   people: Person[] = [];
-  settings: Settings = { ...DEFAULT_SETTINGS };
   save: SaveState = "saved";
+  /** The event whose type was guessed when it was made, until somebody does something else. */
+  guessed: string | null = null;
   /** Asks the person what to do about an edit that somebody else's made doubtful. Set by the shell. */
   askConflict: (conflict: Conflict) => Promise<boolean> = () => Promise.resolve(false);
   /** Asks a yes-or-no question. Set by the shell. */
@@ -41,40 +34,16 @@ export class App extends Emitter {
   /** Asks for the annotator's name. Set by the shell. */
   askAuthor: () => Promise<string | null> = () => Promise.resolve(null);
 
-  private socket: WebSocket | null = null;
+  private readonly edits = new Edits(this, () => this.updateSave());
+  private readonly line = new Line(
+    this.api.live, (message) => this.onLive(message), (connected) => this.edits.setConnected(connected),
+    () => ({ name: this.settings.author, layer: this.activeLayer, frame: this.cursor.frame, selection: this.primary?.id ?? null }),
+  );
   private me = "";
   /** Where the choice of a layer is remembered. */
   private layerKey = "";
   private opening = 0;
-  private queue: Promise<unknown> = Promise.resolve();
-  private pending = 0;
-  private connected = true;
-  private presenceTimer = 0;
-  private reconnectTimer = 0;
   private readonly early = new Map<string, RecordJson[]>();
-
-  constructor() {
-    super();
-    try {
-      this.settings = { ...DEFAULT_SETTINGS, ...(JSON.parse(localStorage.getItem(SETTINGS_KEY) ?? "{}") as Partial<Settings>) };
-    } catch {
-      // Settings that cannot be read are forgotten.
-    }
-    this.settings.tool = "select";
-  }
-
-  // --- messages
-
-  notify(text: string, detail?: string): void {
-    this.emit("notice", { kind: "info", text, detail });
-  }
-
-  fail(error: unknown): void {
-    if (error instanceof ApiError) {
-      const { where, consequence, fix } = error.error;
-      this.emit("notice", { kind: "error", text: error.error.what, detail: [where, consequence, fix].filter(Boolean).join(" ") });
-    } else if (error instanceof Error) this.emit("notice", { kind: "error", text: error.message });
-  }
 
   // --- the session
 
@@ -88,11 +57,11 @@ export class App extends Emitter {
     return times[Math.max(0, Math.min(frame, times.length - 1))] ?? null;
   }
 
-  /** Opens a session; false if another one was opened meanwhile. */
-  async openSession(sid: string): Promise<boolean> {
+  /** Opens a session; false if another one was opened meanwhile. `quietly`: only to look at, unseen by the others. */
+  async openSession(sid: string, quietly = false): Promise<boolean> {
     this.closeSession();
     const turn = ++this.opening;
-    const project = await this.api.project();
+    const project = this.project = await this.api.project();
     const first = project.layer || "main";
     // What was chosen here holds as long as the server begins with the same layer, and suggests the same name.
     this.layerKey = `ecat.layer.${first}.${sid}`;
@@ -108,12 +77,11 @@ export class App extends Emitter {
     this.session = session;
     this.scheme = schemeFromJson(session.scheme);
     this.times = times;
-    this.cursor = { frame: 0, playing: false, speed: 1, loop: null };
     const wanted = names.includes(MACHINE) ? [this.activeLayer, MACHINE] : [this.activeLayer];
     await Promise.all(wanted.map((name) => this.load(name)));
     if (turn !== this.opening) return false;
     this.shown = wanted;
-    this.connect(sid);
+    if (!quietly) this.line.connect(sid);
     this.emit("session", this.session);
     this.emit("layers", null);
     return true;
@@ -121,25 +89,22 @@ export class App extends Emitter {
 
   closeSession(): void {
     this.opening++;
-    const socket = this.socket;
-    this.socket = null;
-    socket?.close();
-    clearTimeout(this.reconnectTimer);
+    this.line.close();
     this.layers.clear();
     this.early.clear();
     this.shown = [];
-    this.selection = [];
-    this.marks = { start: null, end: null };
-    this.running = [];
     this.people = [];
     this.times = null;
+    this.guessed = null;
+    this.me = "";
+    this.forgetPlace();
     if (this.session !== null) {
       this.session = null;
       this.emit("session", null);
     }
   }
 
-  /** Fetches the session's description again: streams, layers, scheme. */
+  /** Fetches the session's description again: streams, layers, tables, scheme. */
   async refreshSession(): Promise<void> {
     if (this.session === null) return;
     this.session = await this.api.session(this.session.id, this.layers.get(this.activeLayer)?.exists ? this.activeLayer : "");
@@ -194,7 +159,7 @@ export class App extends Emitter {
     if (!this.shown.includes(name)) this.shown = [name, ...this.shown];
     this.select([]);
     this.emit("layers", null);
-    this.presence();
+    this.moved();
     await this.refreshSession();
   }
 
@@ -219,7 +184,7 @@ export class App extends Emitter {
     }
   }
 
-  private put(layer: LayerState, answer: LayerAnswer): void {
+  put(layer: LayerState, answer: LayerAnswer): void {
     layer.document = new Document(answer.layer);
     layer.revision = answer.revision;
     layer.canUndo = answer.can_undo;
@@ -227,9 +192,11 @@ export class App extends Emitter {
     layer.exists = true;
   }
 
-  private async reload(name: string): Promise<void> {
-    await this.load(name);
-    this.emit("layer", { layer: name, changes: null });
+  private reload(name: string): void {
+    this.load(name).then(() => {
+      this.pruneSelection();
+      this.emit("layer", { layer: name, changes: null });
+    }).catch((error: unknown) => this.fail(error));
   }
 
   // --- edits
@@ -238,84 +205,29 @@ export class App extends Emitter {
    * Sends operations as one step of undo and applies what the server recorded.
    * Rejects with an ApiError when it was refused; the person has then been told already.
    */
-  edit(operations: Operation | Operation[]): Promise<RecordJson> {
-    const list = Array.isArray(operations) ? operations : [operations];
-    return this.enqueue(async (sid, layer) => {
-      const author = await this.author();
-      if (!layer.exists) {
-        this.put(layer, await this.api.createLayer(sid, layer.name, author));
-      }
-      return this.send(sid, layer, author, list);
-    });
+  edit(wish: Wish): Promise<RecordJson | null> {
+    return this.inLayer((sid, layer) => this.edits.edit(sid, layer, wish));
   }
 
   undo(): Promise<RecordJson> {
-    return this.enqueue(async (sid, layer) => this.api.undo(sid, layer.name, await this.author()));
+    return this.inLayer((sid, layer) => this.edits.step(layer, (author) => this.api.undo(sid, layer.name, author)));
   }
 
   redo(): Promise<RecordJson> {
-    return this.enqueue(async (sid, layer) => this.api.redo(sid, layer.name, await this.author()));
+    return this.inLayer((sid, layer) => this.edits.step(layer, (author) => this.api.redo(sid, layer.name, author)));
   }
 
   restore(revision: number): Promise<RecordJson> {
-    return this.enqueue(async (sid, layer) => this.api.restore(sid, layer.name, await this.author(), revision));
+    return this.inLayer((sid, layer) => this.edits.step(layer, (author) => this.api.restore(sid, layer.name, author, revision)));
   }
 
-  private enqueue(task: (sid: string, layer: LayerState) => Promise<EditAnswer>): Promise<RecordJson> {
-    const session = this.session;
+  private inLayer<T>(task: (sid: string, layer: LayerState) => Promise<T>): Promise<T> {
     const layer = this.layers.get(this.activeLayer);
-    if (session === null || layer === undefined) return Promise.reject(new Error("no session is open"));
-    this.pending++;
-    this.updateSave();
-    const run = this.queue.then(async () => {
-      try {
-        const answer = await task(session.id, layer);
-        layer.canUndo = answer.can_undo;
-        layer.canRedo = answer.can_redo;
-        this.receive(layer.name, answer.record);
-        return answer.record;
-      } catch (error) {
-        this.fail(error);
-        throw error;
-      } finally {
-        this.pending--;
-        this.updateSave();
-      }
-    });
-    this.queue = run.catch(() => undefined);
-    return run;
+    if (this.session === null || layer === undefined) return Promise.reject(new Error("no session is open"));
+    return task(this.session.id, layer);
   }
 
-  private async send(sid: string, layer: LayerState, author: string, operations: Operation[]): Promise<EditAnswer> {
-    let answerLost = false;
-    let base = layer.revision;
-    for (let attempt = 0; ; attempt++) {
-      // Where an answer was lost, the edit may have been made: only an unchanged base tells.
-      if (!answerLost) base = layer.revision;
-      try {
-        const answer = await this.api.operations(sid, layer.name, { base, author, operations });
-        this.setConnected(true);
-        return answer;
-      } catch (error) {
-        if (!(error instanceof ApiError)) throw error;
-        this.setConnected(!error.offline);
-        if (error.offline) {
-          answerLost = true;
-          await new Promise((resolve) => setTimeout(resolve, Math.min(5000, 250 * 2 ** attempt)));
-        } else if (error.status === 409 && error.records.length > 0) {
-          const conflict = decideConflict(operations, author, error.records, layer.document, answerLost);
-          for (const record of error.records) this.receive(layer.name, record);
-          answerLost = false;
-          if (conflict.alreadyDone !== null) return { record: conflict.alreadyDone, can_undo: true, can_redo: false };
-          if (conflict.touched.length > 0 && !(await this.askConflict(conflict))) {
-            throw new Error("Your change was left out; what the other person wrote is shown.");
-          }
-        } else throw error;
-      }
-    }
-  }
-
-  private async author(): Promise<string> {
+  async author(): Promise<string> {
     if (this.settings.author === "") {
       const given = await this.askAuthor();
       if (given === null || given.trim() === "") throw new Error("An edit needs the name of its author.");
@@ -325,13 +237,13 @@ export class App extends Emitter {
   }
 
   /** Applies a record in the order of revisions, once, whichever way it came. */
-  private receive(name: string, record: RecordJson): void {
+  receive(name: string, record: RecordJson): void {
     const layer = this.layers.get(name);
     if (layer === undefined || record.revision <= layer.revision) return;
     if (!layer.exists) {
       // Somebody else made it.
       layer.elsewhere = true;
-      this.reload(name).catch((error: unknown) => this.fail(error));
+      this.reload(name);
       return;
     }
     if (record.revision > layer.revision + 1) {
@@ -356,47 +268,30 @@ export class App extends Emitter {
   }
 
   private fillGap(name: string): void {
-    if (!this.early.has(name)) return;
-    this.early.delete(name);
-    this.reload(name).catch((error: unknown) => this.fail(error));
+    if (this.early.delete(name)) this.reload(name);
   }
 
-  // --- connection
+  // --- what the server tells
 
-  private connect(sid: string): void {
-    const socket = this.api.live(sid);
-    this.socket = socket;
-    socket.addEventListener("open", () => {
-      this.setConnected(true);
-      this.presence();
-    });
-    socket.addEventListener("message", (message) => this.onLive(message.data));
-    socket.addEventListener("close", () => {
-      if (this.socket !== socket) return;
-      this.setConnected(false);
-      this.reconnectTimer = window.setTimeout(() => this.connect(sid), 1000);
-    });
-  }
-
-  private onLive(data: unknown): void {
-    const message = liveMessage(data);
-    if (message === null) return;
+  onLive(message: LiveMessage): void {
+    const layer = "layer" in message ? this.layers.get(message.layer) : undefined;
     if (message.type === "record") {
-      const layer = this.layers.get(message.layer);
       // What this page did itself it knows from the answer, which also says what can be undone now.
       const news = layer !== undefined && message.record.revision > layer.revision;
       this.receive(message.layer, message.record);
-      if (news && message.record.author === this.settings.author && this.pending === 0) layer.canUndo = true;
-    } else if (message.type === "hello") {
-      this.me = message.id;
-      // What was missed while the connection was down.
-      for (const [name, revision] of Object.entries(message.revisions)) {
-        const layer = this.layers.get(name);
-        if (layer !== undefined && layer.revision < revision && (layer.exists || (layer.elsewhere = true))) this.reload(name).catch((error: unknown) => this.fail(error));
-      }
-    } else if (message.type === "presence") {
+      if (news && message.record.author === this.settings.author && this.edits.pending === 0) layer.canUndo = true;
+      if (news && isReplacement(message.record)) this.notify(`Another program replaced the layer ${message.layer}.`, "What it wrote is shown; Ctrl+Z does not take it back, the history does.");
+    } else if (message.type === "hello") this.onHello(message);
+    else if (message.type === "presence") {
       this.people = message.people.filter((p) => p.id !== this.me);
       this.emit("people", this.people);
+    } else if (message.type === "replaced") {
+      if (layer !== undefined) this.reload(message.layer);
+      this.refreshSession().catch((error: unknown) => this.fail(error));
+    } else if (message.type === "tables") {
+      this.refreshSession().then(() => this.emitTables(message.tables)).catch((error: unknown) => this.fail(error));
+    } else if (message.type === "problem") {
+      this.fail(new ApiError(500, { what: `The layer ${message.layer} could not be written as XML and tables.`, where: message.what, consequence: "Every edit is in the journal; it is tried again." }));
     } else if (message.type === "proxy") {
       const stream = this.session?.streams.find((s) => s.name === message.stream);
       if (stream === undefined) return;
@@ -405,73 +300,43 @@ export class App extends Emitter {
     }
   }
 
-  private setConnected(connected: boolean): void {
-    this.connected = connected;
-    this.updateSave();
+  /** The connection is there, perhaps again: what was missed while it was down is fetched. */
+  private onHello(message: LiveMessage & { type: "hello" }): void {
+    const again = this.me !== "";
+    this.me = message.id;
+    for (const [name, revision] of Object.entries(message.revisions)) {
+      const layer = this.layers.get(name);
+      if (layer === undefined) continue;
+      if (!layer.exists) layer.elsewhere = true;
+      // a layer without a history does not tell by its revision whether it is another one
+      if (layer.revision < revision || (again && revision === 0 && layer.exists)) this.reload(name);
+    }
+    if (again) this.refreshSession().then(() => this.emitTables()).catch(() => undefined);
   }
 
   private updateSave(): void {
-    const next: SaveState = !this.connected ? "offline" : this.pending > 0 ? "saving" : "saved";
+    const next: SaveState = !this.edits.connected ? "offline" : this.edits.pending > 0 ? "saving" : "saved";
     if (next === this.save) return;
     this.save = next;
     this.emit("save", next);
   }
 
-  private presence(): void {
-    clearTimeout(this.presenceTimer);
-    this.presenceTimer = window.setTimeout(() => {
-      if (this.socket?.readyState !== WebSocket.OPEN) return;
-      const selection = this.selection.at(-1)?.id ?? null;
-      const { author: name } = this.settings;
-      this.socket.send(JSON.stringify({ type: "presence", name, layer: this.activeLayer, frame: this.cursor.frame, selection }));
-    }, 200);
+  protected moved(): void {
+    this.line.moved();
   }
 
-  // --- cursor, marks, selection, settings
-
-  seek(frame: number, byPlayer = false): void {
-    const next = Math.max(0, Math.min(Math.round(frame), Math.max(0, this.nFrames - 1)));
-    if (next === this.cursor.frame) return;
-    this.cursor.frame = next;
-    this.emit("cursor", { ...this.cursor, byPlayer });
-    this.presence();
+  /** Tells the widgets that tables are other ones now. */
+  emitTables(tables: string[] | null = null): void {
+    this.emit("tables", tables);
   }
 
-  setPlaying(playing: boolean): void {
-    if (playing === this.cursor.playing) return;
-    this.cursor.playing = playing;
-    this.emit("cursor", { ...this.cursor, byPlayer: false });
-  }
+  // --- the selection
 
-  setSpeed(speed: number): void {
-    this.cursor.speed = Math.max(0.1, Math.min(4, speed));
-    this.emit("cursor", { ...this.cursor, byPlayer: false });
-  }
-
-  setLoop(loop: [number, number] | null): void {
-    this.cursor.loop = loop;
-    this.emit("cursor", { ...this.cursor, byPlayer: false });
-  }
-
-  setMarks(marks: Partial<Marks>): void {
-    this.marks = { ...this.marks, ...marks };
-    this.emit("marks", this.marks);
-  }
-
-  setRunning(running: Running[]): void {
-    this.running = running;
-    this.emit("running", running);
-  }
-
-  select(selection: Selected[]): void {
-    this.selection = selection;
-    this.emit("selection", selection);
-    this.presence();
-  }
-
-  /** The element selected last. */
-  get primary(): Selected | null {
-    return this.selection.at(-1) ?? null;
+  /** Says which event has a type that nobody chose, until somebody does something else. */
+  guess(id: string | null): void {
+    if (id === this.guessed) return;
+    this.guessed = id;
+    this.emit("guessed", id);
   }
 
   get selectedObject(): AnnotatedObject | null {
@@ -499,13 +364,10 @@ export class App extends Emitter {
     });
     if (kept.length !== this.selection.length) this.select(kept);
   }
+}
 
-  set(change: Partial<Settings>): void {
-    this.settings = { ...this.settings, ...change };
-    localStorage.setItem(SETTINGS_KEY, JSON.stringify(this.settings));
-    this.emit("settings", this.settings);
-    if (change.author !== undefined) this.presence();
-  }
+function isReplacement({ operation }: RecordJson): boolean {
+  return !Array.isArray(operation) && operation.op === "replace";
 }
 
 function emptyLayer(name: string): LayerState {
@@ -514,4 +376,5 @@ function emptyLayer(name: string): LayerState {
 }
 
 export { span };
+export { SPEEDS } from "./view";
 export type * from "./events";

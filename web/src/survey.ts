@@ -2,7 +2,8 @@
 
 import { askText } from "./dialogs";
 import { fill, h, isTyping } from "./dom";
-import type { App } from "./state";
+import { createSpace } from "./space";
+import { App } from "./state";
 import type { Survey, SurveyItem } from "./types";
 
 export function createSurveyList(host: HTMLElement, app: App): { destroy(): void } {
@@ -100,19 +101,24 @@ function range(survey: Survey): number[] {
   return Array.from({ length: survey.most - survey.least + 1 }, (_, i) => survey.least + i);
 }
 
-/** A stretch of a recording, played over and over: from its video once that is made, from single images until then. */
+/**
+ * A stretch of a recording, played over and over: from its video once that is made, from single images until then, and in
+ * space where nobody filmed it.
+ */
 class Clip {
   readonly element = h("div.clip", null, h("p.muted", null, "Opening the recording…"));
   private timer = 0;
   private gone = false;
+  private space: { destroy(): void } | null = null;
 
   constructor(private readonly app: App, private readonly item: SurveyItem) {
-    this.open().catch(() => fill(this.element, h("p.muted", null, "This recording has no pictures to show.")));
+    this.open().catch(() => fill(this.element, h("p.muted", null, "This recording has nothing to show.")));
   }
 
   destroy(): void {
     this.gone = true;
     clearInterval(this.timer);
+    this.space?.destroy();
   }
 
   private async open(): Promise<void> {
@@ -120,7 +126,8 @@ class Clip {
     if (sid === null) throw new Error("the session is gone");
     const session = await this.app.api.session(sid);
     const stream = session.streams.find((s) => s.name === session.video);
-    if (this.gone || stream === undefined || !stream.present) throw new Error("no pictures");
+    if (this.gone) return;
+    if (stream === undefined || !stream.present) return this.openSpace(sid);
     const { proxy } = stream;
     if (proxy.state === "ready" && proxy.url !== null && proxy.fps !== null) {
       const fps = proxy.fps;
@@ -146,5 +153,21 @@ class Clip {
     this.timer = window.setInterval(() => image.complete && next(), 100);
     next();
     fill(this.element, image);
+  }
+
+  private async openSpace(sid: string): Promise<void> {
+    const { start_frame: start, end_frame: end } = this.item;
+    const viewer = new App();
+    await viewer.openSession(sid, true);
+    if (this.gone) return;
+    const host = h("div.clip-space", { "data-testid": "survey-space" });
+    fill(this.element, host);
+    viewer.seek(start);
+    this.space = createSpace(host, viewer);
+    const [rate, began] = [viewer.session?.frame_rate_median ?? 30, performance.now()];
+    this.timer = window.setInterval(() => {
+      const at = Math.floor(((performance.now() - began) / 1000) * rate) % Math.max(1, end - start);
+      viewer.seek(start + at);
+    }, 1000 / Math.min(60, rate));
   }
 }

@@ -1,4 +1,6 @@
-// Colours for what is painted rather than styled: the style sheet's, so that both change together.
+// Light or dark, as somebody chose or as the system is; and the style sheet's colours for what is painted rather than styled.
+
+import type { View } from "./view";
 
 const NAMES = {
   surface: "--surface", raised: "--raised", line: "--line", strong: "--control-line", text: "--text", muted: "--muted",
@@ -24,12 +26,24 @@ function changed(): void {
   for (const listener of listeners) listener();
 }
 
+const dark = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-color-scheme: dark)");
+
+/** Lets the page have the theme of the settings, now and whenever they or the system's change. */
+export function keepTheme(app: View): void {
+  const apply = (): void => {
+    const { theme } = app.settings;
+    const next = theme !== "system" ? theme : dark?.matches ? "dark" : "light";
+    if (document.documentElement.dataset.theme === next) return;
+    document.documentElement.dataset.theme = next;
+    changed();
+  };
+  apply();
+  app.on("settings", apply);
+  dark?.addEventListener("change", apply);
+}
+
 /** Called when the page turns light or dark, whoever turned it. */
 export function onTheme(listener: () => void): () => void {
-  if (listeners.size === 0) {
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
-    new MutationObserver(changed).observe(document.documentElement, { attributeFilter: ["data-theme"] });
-  }
   listeners.add(listener);
   return () => listeners.delete(listener);
 }

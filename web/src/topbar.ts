@@ -7,6 +7,7 @@ import { openHelp } from "./help";
 import { openHistory } from "./history";
 import { openLayers } from "./layers";
 import { openScheme } from "./scheme";
+import { openSession } from "./session";
 import type { App } from "./state";
 import { openWindows } from "./windows";
 
@@ -33,8 +34,9 @@ export function createTopbar(host: HTMLElement, app: App): { destroy(): void } {
     h("div.group", null, undoButton, redoButton, iconButton("history", "History", () => openHistory(app), { "data-testid": "history-button" })),
     h("div.group", null, layer, author),
     h("div.group", null,
+      h("button.button", { type: "button", "data-testid": "session-button", title: "Files, tables, what is shown, messages", onclick: () => openSession(app) }, "Session"),
       h("button.button", { type: "button", "data-testid": "scheme-button", onclick: () => openScheme(app) }, "Scheme"),
-      h("button.button", { type: "button", "data-testid": "windows-button", onclick: () => openWindows(app) }, "Windows"),
+      h("button.button", { type: "button", "data-testid": "windows-button", onclick: () => void openWindows(app, app.project?.sessions.length ?? 1) }, "Windows"),
       h("a.button.adjudicate-link", { href: `#/adjudicate/${encodeURIComponent(app.session?.id ?? "")}`, title: "Compare two layers and build the gold layer" }, "Compare")),
     h("div.group", null, theme, iconButton("help", "All shortcuts (?)", () => openHelp(app), { "data-testid": "help-button" })),
   );

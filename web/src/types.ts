@@ -214,12 +214,17 @@ export interface Scheme {
 export interface SessionSummary {
   id: string;
   name: string;
+  /** The way to its folder. */
+  path: string;
+  /** The way to its project; "" for what is served. */
+  project: string;
   n_frames: number;
   duration_s: number | null;
   streams: string[];
   layers: string[];
   n_events: number;
   n_objects: number;
+  n_relations: number;
   created: string | null;
   /** Why it cannot be read. */
   error: string | null;
@@ -228,7 +233,10 @@ export interface SessionSummary {
 export interface Project {
   name: string;
   root: string;
+  projects: { path: string; name: string }[];
   sessions: SessionSummary[];
+  /** False if one session is all there is. */
+  whole: boolean;
   /** What `ecat annotate` was told to suggest. */
   author: string;
   layer: string;
@@ -278,6 +286,7 @@ export interface SessionInfo {
   bodies: Body[];
   boxes: Box[];
   plane: Plane | null;
+  problems: string[];
 }
 
 /** Joints of a body in the table `joints`, and the bones between them. */
@@ -339,6 +348,9 @@ export type LiveMessage =
   | { type: "record"; layer: string; record: RecordJson }
   | { type: "presence"; people: Person[] }
   | { type: "saved"; layer: string; revision: number }
+  | { type: "replaced"; layer: string; revision: number }
+  | { type: "tables"; tables: string[] }
+  | { type: "problem"; layer: string; what: string }
   | ({ type: "proxy"; stream: string } & Proxy);
 
 export interface TableColumn {
@@ -369,6 +381,8 @@ export interface Disagreement {
 export interface Agreement {
   layers: string[];
   figures: AgreementFigures;
+  /** Objects of the first and of the second layer that are the same thing. */
+  objects: [string, string][];
   disagreements: Disagreement[];
 }
 
@@ -405,4 +419,47 @@ export interface Survey {
   items: SurveyItem[];
   /** The last answers of the rater who asks, by item. */
   answers: Record<string, { answer: string | number; comment: string }>;
+}
+
+// --- the project as a whole
+
+/** Something that takes a while; `total` 0: nobody knows how long. */
+export interface Job {
+  id: string;
+  what: string;
+  state: "waiting" | "running" | "done" | "failed" | "stopped";
+  step: string;
+  done: number;
+  total: number;
+  result: Record<string, unknown> | null;
+  error: ErrorJson | null;
+}
+
+export interface Archived {
+  id: string;
+  name: string;
+  place: string;
+  when: string;
+}
+
+/** Another session of the same folder: `name` is what annotations call it by. */
+export interface Neighbour {
+  id: string;
+  name: string;
+}
+
+export interface OtherObject {
+  id: string;
+  name: string;
+  kind: ObjectKind;
+  color: string;
+  /** Whether it is drawn there, at all and at the session's end. */
+  drawn: boolean;
+  at_end: boolean;
+}
+
+export interface OtherObjects {
+  session: string;
+  layer: string;
+  objects: OtherObject[];
 }

@@ -7,17 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from ecat.web.answers import JSON, encoded, json_answer, packed_answer
-from ecat.web.shapes import (
-    Edit,
-    EditAnswer,
-    HistoryAnswer,
-    LayerAnswer,
-    Restore,
-    Save,
-    SavedAnswer,
-    Signed,
-    Step,
-)
+from ecat.web.asked import Edit, Restore, Save, Signed, Step
+from ecat.web.shapes import EditAnswer, HistoryAnswer, LayerAnswer, SavedAnswer
 from ecat.web.site import EDITED, TheLayer, TheSession
 
 router = APIRouter(prefix="/api/sessions/{sid}/layers/{layer}", tags=["layers"])

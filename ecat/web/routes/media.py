@@ -6,11 +6,12 @@ import re
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import FileResponse
 
 from ecat.errors import NotFoundError, UsageError
 from ecat.store.times import image_times_s
 from ecat.web.answers import Binary, Jpeg, Video, error_answer, json_answer
-from ecat.web.shapes import DepthAnswer
+from ecat.web.shapes import DepthAnswer, DepthRange
 from ecat.web.site import TheSession
 
 router = APIRouter(prefix="/api/sessions/{sid}", tags=["media"])
@@ -69,6 +70,23 @@ def _checked_range(request: Request, size: int) -> Response | None:
 def frame(opened: TheSession, stream: str, frame: int) -> Response:
     """Image ``frame`` of the stream, exactly, as a JPEG."""
     return Jpeg(opened.site.exact.jpeg(opened.session, stream, frame))
+
+
+@router.get("/depth/{stream}/range", response_model=DepthRange)
+def depth_range(opened: TheSession, stream: str) -> Response:
+    """How far away the first and the last colour of a depth stream's images are."""
+    return json_answer(opened.site.exact.depth_range(opened.session, stream))
+
+
+@router.get("/files/{stream}", response_class=FileResponse)
+def file(opened: TheSession, stream: str, request: Request) -> Response:
+    """The file of a stream as it was recorded, to keep."""
+    path = opened.session.stream_path(stream)
+    if not path.is_file():
+        raise NotFoundError(f"cannot find the file of stream {stream}", where=f"{path.name}: it is gone")
+    if (beyond := _checked_range(request, path.stat().st_size)) is not None:
+        return beyond
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.get("/depth/{stream}/{frame}", response_model=DepthAnswer)

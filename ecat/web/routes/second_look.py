@@ -9,11 +9,13 @@ from fastapi import APIRouter, Query, Response
 
 from ecat.annotate import agreement, surveys
 from ecat.annotate.agreement.compare import Agreement
+from ecat.annotate.agreement.objects import match_objects
 from ecat.errors import EcatError, UsageError
 from ecat.store.schemes import scheme_or_default
 from ecat.store.surveys import read_answers, read_survey, survey_names
 from ecat.web.answers import json_answer
-from ecat.web.shapes import AgreementShape, AnswerShape, Json, SurveyAnswered, SurveyShape, SurveySummary
+from ecat.web.asked import AnswerShape
+from ecat.web.shapes import AgreementShape, Json, SurveyAnswered, SurveyShape, SurveySummary
 from ecat.web.site import Site, TheSession, TheSite
 
 router = APIRouter(prefix="/api", tags=["second look"])
@@ -37,6 +39,7 @@ def agree(opened: TheSession, layers: Annotated[str, Query(max_length=1000)]) ->
             "layers": names,
             "revisions": {name: opened.revisions().get(name, 0) for name in names},
             "figures": agreement.figures(found),
+            "objects": [[a, b] for a, (b, _) in match_objects(first.objects, second.objects).items()],
             "disagreements": [asdict(each) for each in differing],
         }
     )

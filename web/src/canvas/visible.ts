@@ -75,6 +75,12 @@ export class Measured {
     this.joints = new Chunks(app, "joints", ["object_id", "body", "joint", "u_px", "v_px", "state"], onLoaded);
   }
 
+  /** Forgets what was fetched: it is another by now. */
+  clear(): void {
+    this.markers.clear();
+    this.joints.clear();
+  }
+
   rings(frame: number): Ring[] {
     const rows = this.markers.there ? this.markers.at(frame) : null;
     if (rows === null) return [];

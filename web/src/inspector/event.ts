@@ -1,6 +1,7 @@
 // The selected event: type, stretch, roles, text, place among the others.
 
-import { attempt, goTo, merge, moveEdge, newSubEvent, ownObject, removeSelected, split, toggleLoop, trackedObjects } from "../actions";
+import { attempt, merge, moveEdge, nameEvent, newSubEvent, otherTypes, ownObject, removeSelected, split, toggleLoop, trackedObjects } from "../actions";
+import { goTo } from "../navigate";
 import { span } from "../document";
 import { clock, h, iconButton } from "../dom";
 import { type App, type LayerState, MACHINE } from "../state";
@@ -17,6 +18,7 @@ export function eventPanel(app: App, layer: LayerState, event: EcatEvent): HTMLE
     h("div.headline", null, h("strong", null, event.type || "untyped event"), h("span.mono.muted", null, event.id), h("span.spacer"),
       event.unsure ? h("span.chip.warn", null, "unsure") : null, h(`span.chip.${confirmed ? "good" : "warn"}`, { "data-testid": "event-status" }, event.status)),
     own ? null : h("p.hint", null, `In the layer ${layer.name}, which is not the one you edit.`),
+    own && app.guessed === event.id ? guess(app, event) : null,
     h("div.fields", null,
       textField("Type", event.type, (type) => edit({ type }), { disabled: !own, testId: "event-type", suggestions: types.map((t) => t.name) }),
       textField("Tier", event.tier, (tier) => edit({ tier }), { disabled: !own, testId: "event-tier", suggestions: tiers(app) }),
@@ -35,6 +37,15 @@ export function eventPanel(app: App, layer: LayerState, event: EcatEvent): HTMLE
     section("Properties", [], ...propertyRows(event.properties, (name, value) => void attempt(app, { op: "set_property", target: event.id, name, value }), !own)),
     own ? actions(app) : null,
   ].filter((e) => e !== null);
+}
+
+/** The type was not chosen yet: what it was taken to be, and the key for each other one. */
+function guess(app: App, event: EcatEvent): HTMLElement {
+  return h("div.guess", { "data-testid": "guess", role: "group", "aria-label": "Type of the new event" },
+    h("p", null, "Taken to be ", h("strong", null, event.type || "of no type"), ". Another key says what it is:"),
+    h("div.actions", null, otherTypes(app, event.tier).map((t) => h("button.button", {
+      type: "button", "aria-pressed": String(t.name === event.type), "data-testid": `guess-${t.name}`, onclick: () => void nameEvent(app, event, t),
+    }, h("kbd", null, t.key), ` ${t.name}`))));
 }
 
 function tiers(app: App): string[] {

@@ -1,6 +1,7 @@
 // The lists of the inspector: objects, events, relations, proposals.  Only the rows in sight exist.
 
-import { goTo, startOf, trackedObjects } from "../actions";
+import { trackedObjects } from "../actions";
+import { goTo, startOf } from "../navigate";
 import { span } from "../document";
 import { fill, h } from "../dom";
 import { holdsAt, intervals, type Stretches } from "../holding";

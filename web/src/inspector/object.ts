@@ -1,14 +1,18 @@
 // The selected object: what it is, where it is drawn, when it is there, what takes part in.
 
-import { attempt, goTo, markAbsent, removeSelected } from "../actions";
+import { attempt, markAbsent, removeSelected } from "../actions";
+import { goTo } from "../navigate";
 import { span } from "../document";
 import { clock, h, iconButton } from "../dom";
 import { swatch } from "../scheme";
+import { canHaveHulls, extent, generateHulls, hullsOf } from "../hulls";
 import type { App, LayerState } from "../state";
 import type { AnnotatedObject, KeyFrame } from "../types";
 import { choice, field, numberInput, propertyRows, section, textField } from "./fields";
 
 const SHOWN_KEYS = 200;
+const MEASURED: ReadonlySet<string> = new Set(["rig", "marker_box"]);
+const HULLED: ReadonlySet<string> = new Set(["rectangle", "polygon"]);
 
 export function objectPanel(app: App, layer: LayerState, object: AnnotatedObject): HTMLElement[] {
   const own = layer.name === app.activeLayer;
@@ -26,6 +30,7 @@ export function objectPanel(app: App, layer: LayerState, object: AnnotatedObject
       field("Stream", choice("Stream", object.stream, [["", "the annotated video"], ...(app.session?.streams ?? []).map((s) => s.name)], (stream) => edit({ stream }), { disabled: !own })),
     ),
     drawn || object.key_frames.length > 0 ? presence(app, object, own) : null,
+    HULLED.has(object.kind) ? inSpace(app, object) : null,
     object.key_frames.length > 0 ? keyFrames(app, object, own) : null,
     takesPart(app, layer, object),
     section("Properties", [], ...propertyRows(object.properties, (name, value) => void attempt(app, { op: "set_property", target: object.id, name, value }), !own)),
@@ -72,7 +77,22 @@ function presence(app: App, object: AnnotatedObject, own: boolean): HTMLElement 
       h("button.button", { type: "button", onclick: () => void markAbsent(app), title: "Absent from the cursor on (A)", "data-testid": "set-absent" }, "Absent here")));
 }
 
+/** The object's hull at the cursor, as depth sees it. */
+function inSpace(app: App, object: AnnotatedObject): HTMLElement | null {
+  if (!canHaveHulls(app)) return null;
+  const hull = hullsOf(app).at(app.cursor.frame).find((found) => found.object === object.id);
+  const make = h("button.button", {
+    type: "button", "data-testid": "generate-3d", title: "Follows the drawn shapes through the images, and finds their hulls in the depth images",
+    onclick: () => void generateHulls(app, object),
+  }, "Generate 3-D");
+  const size = hull === undefined ? "" : extent(hull.corners).map((m) => (100 * m).toFixed(1)).join(" × ");
+  return section("3-D", [make], h("p.muted", { "data-testid": "hull" }, hull === undefined
+    ? `No hull at this frame${hullsOf(app).there ? "" : " yet"}.`
+    : `Hull of ${hull.corners.length} corners, ${size} cm (right × down × away), from a shape that was ${hull.status}.`));
+}
+
 function keyFrames(app: App, object: AnnotatedObject, own: boolean): HTMLElement {
+  const here = object.key_frames.some((k) => k.frame === app.cursor.frame && k.present);
   const keys = object.key_frames;
   const near = keys.findIndex((k) => k.frame >= app.cursor.frame);
   const from = keys.length <= SHOWN_KEYS ? 0 : Math.max(0, Math.min(keys.length - SHOWN_KEYS, near - SHOWN_KEYS / 2));
@@ -81,8 +101,12 @@ function keyFrames(app: App, object: AnnotatedObject, own: boolean): HTMLElement
     h("span.muted", null, clock(app.secondsOf(key.frame))),
     h("span.spacer"), key.present ? null : h("span.chip", null, "absent from here"),
     own ? iconButton("close", `Remove the key frame at ${key.frame}`, () => void attempt(app, { op: "remove_key_frame", object: object.id, frame: key.frame })) : null));
+  const add = own && !here && !MEASURED.has(object.kind) ? h("button.button", {
+    type: "button", "data-testid": "add-key", "data-focus": "add key", title: "The shape that is shown here, or the nearest one, begins to count at this frame",
+    onclick: () => void attempt(app, { op: "set_key_frame", object: object.id, frame: app.cursor.frame }),
+  }, `Key frame at ${app.cursor.frame}`) : null;
   const all = h("details.section", null, h("summary", null, `Key frames (${keys.length})`),
-    h("div", null, keys.length > rows.length && h("p.muted", null, `The ${rows.length} around the cursor.`), rows));
+    h("div", null, add, keys.length > rows.length && h("p.muted", null, `The ${rows.length} around the cursor.`), rows));
   all.open = keys.length <= 12;
   return all;
 }

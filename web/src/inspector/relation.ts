@@ -4,6 +4,7 @@ import { addedId, attempt, ownObject, removeSelected, trackedObjects } from "../
 import { clock, h } from "../dom";
 import { type App, type LayerState, MACHINE } from "../state";
 import type { PredicateType, Relation } from "../types";
+import { elsewhere } from "./elsewhere";
 import { check, choice, field, numberInput, offerAll, textField } from "./fields";
 
 export function relationText(relation: Relation, layer: LayerState): string {
@@ -30,12 +31,13 @@ export function relationPanel(app: App, layer: LayerState, relation: Relation): 
     h("div.fields", null,
       textField("Predicate", relation.predicate, (predicate) => edit({ predicate }), { disabled: !own, suggestions: predicates(app).map((p) => p.name), testId: "relation-predicate" }),
       args.flatMap((target, i) => field(["X", "Y", "Z", "W"][i] ?? `argument ${i + 1}`, choice(`Argument ${i + 1}`, target, options,
-        (value) => edit({ arguments: args.map((a, j) => (i === j ? value : a)) }), { disabled: !own }))),
+        (value) => edit({ arguments: args.map((a, j) => (i === j ? value : a)) }), { disabled: !own, testId: `relation-argument-${i + 1}` }))),
       field("From", numberInput("From", relation.start_frame, (start_frame) => start_frame !== null && edit({ start_frame }), { disabled: !own, max: app.nFrames, testId: "relation-start" })),
       field("To", numberInput("To", relation.end_frame, (end_frame) => edit(end_frame === null ? { until_contradicted: true } : { end_frame }), { disabled: !own, max: app.nFrames, placeholder: "until…", testId: "relation-end" })),
       h("span.label", null, "Holds"), check("It is so (not denied)", relation.polarity, (polarity) => edit({ polarity }), { disabled: !own, testId: "relation-polarity" }),
     ),
     h("p.muted", null, `${clock(app.secondsOf(relation.start_frame))} – ${relation.end_frame === null ? "until contradicted" : clock(app.secondsOf(relation.end_frame))}${relation.author ? ` · ${relation.author}` : ""}`),
+    own && args.length > 1 ? elsewhere(app, (target) => edit({ arguments: [...args.slice(0, -1), target] })) : null,
     own ? h("div.actions", null, h("span.spacer"), h("button.button.danger", { type: "button", onclick: () => void removeSelected(app), "data-testid": "remove-relation" }, "Remove")) : null,
   ].filter((e) => e !== null);
 }
@@ -55,6 +57,12 @@ export function relationForm(app: App): HTMLElement {
   const first = options.find(([id]) => id === wished)?.[0] ?? options[0]?.[0] ?? "";
   const second = options.find(([id]) => id !== first)?.[0] ?? "";
   const args = [first, second].map((value, i) => choice(`Argument ${i + 1} of a new relation`, value, i === 0 ? options : [["", "–"], ...options], () => undefined, { testId: `new-argument-${i + 1}` }));
+  const other = elsewhere(app, (target, label) => {
+    const at = args[Math.max(0, arity() - 1)];
+    if (at === undefined) return;
+    if (![...at.options].some((o) => o.value === target)) at.append(h("option", { value: target }, label));
+    at.value = target;
+  });
   const negative = h("input", { type: "checkbox", "data-focus": "denied" });
   const add = async (): Promise<void> => {
     const { start, end } = app.marks;
@@ -76,7 +84,7 @@ export function relationForm(app: App): HTMLElement {
   };
   predicate.addEventListener("input", showArity);
   showArity();
-  return h("div.section", null, h("div.row", null, predicate, list, h("label.check", null, negative, "denied")), h("div.row", null, args),
+  return h("div.section", null, h("div.row", null, predicate, list, h("label.check", null, negative, "denied")), h("div.row", null, args), other,
     h("div.row", null, h("span.muted", null, app.marks.start === null ? "from the cursor on" : "over the marks"), h("span.spacer"),
       h("button.button.primary", { type: "button", onclick: () => void add(), "data-testid": "add-relation" }, "Add relation")));
 }

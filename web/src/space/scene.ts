@@ -1,6 +1,7 @@
 // What stands in space at a frame, in the `table` frame: metres, z up.
 
 import { Chunks, numberAt, textAt } from "../chunks";
+import { type Hull, hullsOf } from "../hulls";
 import type { App } from "../state";
 import type { Camera, Plane } from "../types";
 import { add, apply, finite, inverted, type Quaternion, type Rigid, times, type Vector } from "./vector";
@@ -56,11 +57,16 @@ export class Scene {
     this.sizes = new Map((app.session?.boxes ?? []).map((box) => [box.object_id, { name: box.name, size: box.size_m ?? UNKNOWN_SIZE }]));
     const cameras = app.session?.cameras ?? [];
     const camera = cameras.find((c) => c.name === "color") ?? cameras[0];
-    this.eye = camera && (this.poses.there || this.joints.there || plane) ? this.frustum(camera) : null;
+    this.eye = camera && (this.poses.there || this.joints.there || plane || hullsOf(app).there) ? this.frustum(camera) : null;
   }
 
   get there(): boolean {
-    return this.poses.there || this.joints.there || this.seen.length > 0;
+    return this.poses.there || this.joints.there || this.seen.length > 0 || hullsOf(this.app).there;
+  }
+
+  /** Whether anybody knows where the table is; without one the axes are the camera's. */
+  get hasTable(): boolean {
+    return (this.app.session?.plane ?? null) !== null || this.outline.length > 0;
   }
 
   /** The table's edge; a rectangle around all that stood on it, where nobody saw the edge. */
@@ -98,10 +104,18 @@ export class Scene {
       const object = textAt(rows.table, "object_id", row);
       const known = this.sizes.get(object);
       const state = textAt(rows.table, "source", row) === "interpolated" ? "interpolated" : textAt(rows.table, "support", row) === "free" ? "free" : "table";
-      const name = this.app.shownLayers.map(({ document }) => document.object(object)?.name).find(Boolean) ?? known?.name ?? object;
-      found.push({ object, name, size: known?.size ?? UNKNOWN_SIZE, pose: { rotation, translation: at }, state });
+      found.push({ object, name: this.nameOf(object), size: known?.size ?? UNKNOWN_SIZE, pose: { rotation, translation: at }, state });
     }
     return found;
+  }
+
+  nameOf(object: string): string {
+    return this.app.shownLayers.map(({ document }) => document.object(object)?.name).find(Boolean) ?? this.sizes.get(object)?.name ?? object;
+  }
+
+  /** What depth sees of drawn objects. */
+  hulls(frame: number): Hull[] {
+    return hullsOf(this.app).at(frame).map((hull) => ({ ...hull, corners: hull.corners.map((c) => apply(this.tableFromCamera, c)) }));
   }
 
   bodies(frame: number): Body[] {
@@ -145,6 +159,7 @@ export class Scene {
   middle(): { at: Vector; radius: number } {
     this.boxes(this.app.cursor.frame);
     const points: Vector[] = [...this.outline];
+    if (!points.length) for (const hull of this.hulls(this.app.cursor.frame)) points.push(...hull.corners);
     if (!points.length) for (const body of this.bodies(this.app.cursor.frame)) points.push(...body.joints.values());
     if (!points.length) return { at: [0, 0, 0], radius: 0.7 };
     const at = times(points.reduce((a, b) => add(a, b), [0, 0, 0] as Vector), 1 / points.length);

@@ -41,3 +41,21 @@ export function visibleFaces(pose: Rigid, size: Vector, eye: Vector, project: (p
   }
   return found;
 }
+
+/** The corners of the smallest convex polygon around points of a picture, in order (Andrew's monotone chain). */
+export function convexOutline<P extends { readonly x: number; readonly y: number }>(points: readonly P[]): P[] {
+  const sorted = [...points].sort((a, b) => a.x - b.x || a.y - b.y);
+  const half = (list: readonly P[]): P[] => {
+    const chain: P[] = [];
+    for (const p of list) {
+      while (chain.length > 1 && turn(chain.at(-2)!, chain.at(-1)!, p) <= 0) chain.pop();
+      chain.push(p);
+    }
+    return chain.slice(0, -1);
+  };
+  return sorted.length < 3 ? sorted : [...half(sorted), ...half([...sorted].reverse())];
+}
+
+function turn(a: { x: number; y: number }, b: { x: number; y: number }, c: { x: number; y: number }): number {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
