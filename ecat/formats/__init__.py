@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from ecat.errors import UsageError
+from ecat.errors import ExistsError, UsageError
 from ecat.formats import exporting, registry
 from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport, Part, SideFile
 from ecat.formats.options import read_options
+from ecat.model.annotation import MACHINE
 from ecat.progress import Progress, silent
-from ecat.store import remote
-from ecat.store.manifest import require_utf8
+from ecat.store import Session, open_session, remote
+from ecat.store.manifest import is_layer_name, require_utf8
 
 __all__ = [
     "ExportReport",
@@ -21,6 +23,7 @@ __all__ = [
     "Part",
     "SideFile",
     "export",
+    "import_layer",
     "import_source",
     "registry",
 ]
@@ -54,6 +57,56 @@ def import_source(
         )
     options = ImportOptions(skip_bad_markers=skip_bad_markers, keep_going=keep_going)
     return chosen.read(source, dest, options, progress)
+
+
+def import_layer(
+    source: Path,
+    session: Session | Path,
+    *,
+    layer: str,
+    format: str | None = None,  # noqa: A002  (the name of the option)
+) -> ImportReport:
+    """Read another program's annotations into a new layer of a session that is there.
+
+    Raises
+    ------
+    UsageError : unknown format, or one that holds no annotations; ``layer`` is not a name.
+    InputError : the source cannot be read, or is about other recordings; the session is as it was.
+    ExistsError : there is a layer of that name; layers are never replaced by an import.
+    StoreError : the session cannot be written.
+    """
+    source = Path(source)
+    what = f"cannot import {source}"
+    session = open_session(session) if isinstance(session, Path) else session
+    _require_free(what, session, layer)
+    chosen = registry.find(format) if format is not None else registry.sniff(source)
+    if chosen.read_layer is None:
+        raise UsageError(
+            what,
+            where=f"{chosen.name} holds no annotations of a session that is there",
+            fix="import it to a new folder; ecat formats lists the formats",
+        )
+    made, findings = chosen.read_layer(source, session)
+    with session.write() as commit:
+        _require_free(what, session, layer)
+        commit.put_layer(replace(made, name=layer))
+    return ImportReport(path=session.path, format=chosen.name, sessions=1, findings=findings)
+
+
+def _require_free(what: str, session: Session, layer: str) -> None:
+    if not is_layer_name(layer):
+        fix = "take letters, digits, '_', '-', '.' and spaces"
+        raise UsageError(what, where=f"{layer!r:.80} is not a layer's name", fix=fix)
+    if layer == MACHINE:
+        where = f"layer {layer} belongs to what ecat itself proposes"
+        raise UsageError(what, where=where, fix="take another name")
+    if session.manifest.layer(layer) is not None:
+        raise ExistsError(
+            what,
+            where=f"{session.path}: there is a layer {layer} already",
+            consequence="it was left as it is",
+            fix="take another name; ecat agree compares layers",
+        )
 
 
 def export(

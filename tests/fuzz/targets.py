@@ -58,7 +58,7 @@ from ecat.formats.recordings.known_cameras import parse_calibration
 from ecat.formats.recordings.ntu import joint_rows
 from ecat.formats.recordings.ntu import parse as parse_ntu
 from ecat.formats.recordings.rows import trajectory_rows
-from ecat.formats.recordings.tum import parse_lines, parse_rows
+from ecat.formats.recordings.timed_lists import parse_lines, parse_rows
 from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Manifest, Relation, Segment
 from ecat.model.annotation import Argument
 from ecat.model.prototype import NOMINAL_BOXES
@@ -70,7 +70,7 @@ from ecat.store.xml import layer_from_xml, layer_to_xml, scheme_from_xml, scheme
 from tests.formats.recordings.k4a import calibration, jpeg, recording
 from tests.formats.recordings.k4a import depth as depth_image
 from tests.formats.recordings.k4a import write as write_k4a
-from tests.fuzz import annotation
+from tests.fuzz import annotation, interchange
 
 if TYPE_CHECKING:
     from av import VideoStream
@@ -379,6 +379,7 @@ TARGETS: dict[str, Target] = {
     ),
     "voxml": Target(stable(read_voxml, write_voxml), (_VOXML,)),
     "xml": Target(xml, (b'<?xml version="1.0" encoding="utf-8"?><r b="1"><a>x<!--c--></a><a/>&lt;</r>',)),
+    **{name: Target(interchange.reader(name), interchange.seeds(name)) for name in interchange.FORMATS},
     "xml_stream": Target(xml_stream, (b"<r><a><b/><c/></a><![CDATA[x]]><b>&#65;</b></r>",)),
 }
 """Name -> reader; a new reader is one line here."""
