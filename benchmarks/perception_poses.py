@@ -5,8 +5,9 @@
 Sessions of `ecat.sample.pixels` on seeds that nothing was tuned on: the table as in the recordings (1.1 to 1.6 m), the
 camera half a metre further back (1.5 to 2.1 m), and one block carried about and tilted in the air.  Markers are found
 by the stage `track`, the table and the faces' planes in depth images that are taken a tenth of a frame later than the
-colour images.  Geometry: fitted (measured from 40 images in which both blocks turn where they stand), nominal (markers
-where they should be), exact.
+colour images.  Geometry: fitted (measured from 40 images in which both blocks turn where they stand), own (measured
+from the very recording, as `ecat process` does, and nominal where that cannot be), nominal (markers where they should
+be), exact.
 Errors are measured in the depth camera's frame, so that those of the table count.  NEES: squared error over what the
 covariance says, per degree of freedom; 1 is right, less is cautious.
 
@@ -36,6 +37,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from ecat.errors import InputError
 from ecat.geometry.boxfit import SUBPIXEL
 from ecat.geometry.cameras import Camera
 from ecat.geometry.transforms import (
@@ -48,7 +50,7 @@ from ecat.geometry.transforms import (
 from ecat.model.prototype import FACES, BoxPrototype, MarkerFace, face_normal
 from ecat.sample import ACTIONS, GroundTruth, sample_session
 from ecat.sample.pixels import Renderer
-from ecat.stages.calibrate import CalibrationParameters, Recording, calibrate_boxes
+from ecat.stages.calibrate import CalibrationParameters, calibrate_boxes, recordings_on
 from ecat.stages.face_planes import FacePlaneParameters, fit_face_planes
 from ecat.stages.plane import PLANE, PlaneParameters
 from ecat.stages.pose import PoseParameters, estimate_poses, table_frame
@@ -239,12 +241,6 @@ def solved(
     return estimate_poses(shot.clock, markers, None, shot.plane, parameters, face_planes=planes)
 
 
-def table_points(shot: Take) -> Floats:
-    """Points (12, 3) on the table as depth shows it, spread over a square metre."""
-    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 4), np.linspace(-0.4, 0.4, 3))
-    return table_frame(shot.plane).apply(np.stack([x, y, 0 * x], -1).reshape(-1, 3))
-
-
 def nominal(box: BoxPrototype) -> BoxPrototype:
     """The box with its markers where they should be: in the middle of the faces, square to the edges."""
     faces: list[MarkerFace] = []
@@ -274,6 +270,19 @@ def aligned(box: BoxPrototype, true: BoxPrototype) -> BoxPrototype:
         name = next(n for n in FACES if np.array(face_normal(n)) @ moved.rotation[:, 2] > 0.9)
         faces.append(replace(face, face=name, centre=(x, y, z), quaternion=(qx, qy, qz, qw)))
     return replace(box, faces=tuple(faces))
+
+
+def measured_in(shot: Take, every: int = 6) -> tuple[BoxPrototype, ...]:
+    """The boxes as a recording shows them; nominal ones in the place of those that it does not."""
+    parameters = CalibrationParameters(camera=shot.color, noise=SUBPIXEL, every=every)
+    try:
+        found = calibrate_boxes(recordings_on(shot.plane, shot.markers), parameters).prototypes
+    except InputError:
+        found = ()
+    known = {box.name: box for box in found if box.faces[0].sigma_m is not None}
+    return tuple(
+        aligned(known[true.name], true) if true.name in known else nominal(true) for true in shot.prototypes
+    )
 
 
 def speed(shot: Take, prototypes: tuple[BoxPrototype, ...]) -> None:
@@ -348,11 +357,7 @@ def main() -> None:
 
 def report(shots: Sequence[Take], measured: Take) -> None:
     """Print the figures of recordings, with the markers where one of them shows them to be."""
-    fitted = calibrate_boxes(
-        [Recording(measured.markers, polygon=table_points(measured))],
-        CalibrationParameters(camera=measured.color, noise=SUBPIXEL, every=1),
-    ).prototypes
-    order = [aligned(next(p for p in fitted if p.name == true.name), true) for true in shots[0].prototypes]
+    order = measured_in(measured, every=1)
     known = tuple(
         replace(p, faces=tuple(replace(f, sigma_m=1e-4) for f in p.faces)) for p in shots[0].prototypes
     )
@@ -362,12 +367,14 @@ def report(shots: Sequence[Take], measured: Take) -> None:
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     print("| reach, unsmoothed / smoothed | | | 1-2 | 3 / 1.5 | 8 / 4 | | 0.7 | 2 | | 1 | 1 |")
-    for name, prototypes in (
-        ("fitted", tuple(order)),
-        ("nominal", tuple(map(nominal, known))),
-        ("exact", known),
+    n = len(shots)
+    for name, boxes in (
+        ("fitted", [order] * n),
+        ("own", [measured_in(shot) for shot in shots]),
+        ("nominal", [tuple(map(nominal, known))] * n),
+        ("exact", [known] * n),
     ):
-        poses = [solved(shot, prototypes, shot.markers) for shot in shots]
+        poses = [solved(shot, mine, shot.markers) for shot, mine in zip(shots, boxes, strict=True)]
         frame_by_frame = [errors(shot, one) for shot, one in zip(shots, poses, strict=True)]
         smoothed = [errors(shot, smooth_poses(one)) for shot, one in zip(shots, poses, strict=True)]
         show(f"{name}, unsmoothed", frame_by_frame)
@@ -381,11 +388,11 @@ def report(shots: Sequence[Take], measured: Take) -> None:
                 show(f"... {kind}, {what}", [e for e, s in zip(found, shots, strict=True) if s.kind == kind])
     one = [replace(shot, markers=one_face(shot.markers)) for shot in shots]
     for depth in (True, False):
-        poses = [solved(shot, tuple(order), shot.markers, depth=depth) for shot in one]
+        poses = [solved(shot, order, shot.markers, depth=depth) for shot in one]
         what = f"fitted, one face only, {'with' if depth else 'without'} depth"
         show(f"{what}, unsmoothed", [errors(*pair) for pair in zip(one, poses, strict=True)])
         show(f"{what}, smoothed", [errors(s, smooth_poses(p)) for s, p in zip(one, poses, strict=True)])
-    speed(shots[0], tuple(order))
+    speed(shots[0], order)
 
 
 if __name__ == "__main__":

@@ -6,20 +6,26 @@ import and each run of the stages is a process of its own.  "x real time" is the
 clock; as other work on the machine makes that longer, the processor's time is told beside it: on two processors that
 are shared out evenly, 1.5 times real time is 1.33 s of processor per second.  The recordings are rendered once and kept
 in the folder for temporary files.
+
+``python benchmarks/pipeline.py --hour [--folder DIR]``: a whole hour instead, the same packets over and over, imported
+and processed: how much memory each step takes and what it leaves behind.  The depth is cut off behind the table, as
+noise of the wall alone would fill 16 GB; it takes 32 GB of disk and half an hour of two processors.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
+import shutil
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from subprocess import PIPE, Popen
+from subprocess import PIPE, Popen, TimeoutExpired
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -44,6 +50,9 @@ COLOR_PX, DEPTH_PX = (1920, 1080), (640, 576)
 TARGET = 1.5
 TARGET_MB = 1000
 HOUR_S = 3600
+HOUR_GB = 33
+WALL_MM = 2000
+SAMPLED_S = 10.0
 JPEG_QUALITY = 90
 _IMPORT = (
     "import sys; from pathlib import Path; from ecat.formats import import_source;"
@@ -54,6 +63,29 @@ _PROCESS = (
     "r = process_session(Path(sys.argv[1]), smooth=True, prototypes=read_prototypes(Path(sys.argv[2])));"
     "assert r.not_applicable.keys() <= {'hull'}, r.not_applicable;"  # nobody drew a shape
 )
+# for every stage its name and the peak during it, of which the kernel keeps none but the last
+_TOLD = """
+import os, sys, time
+from pathlib import Path
+from ecat.process import process_session, read_prototypes
+def size():
+    lines = [line.split() for line in open("/proc/self/status")]
+    return [int(line[1]) // 1024 for name in ("VmHWM:", "VmRSS:") for line in lines if line[0] == name]
+def tell(what, done, total):
+    global last, used, seconds, worst
+    if what != last:
+        peak, left = size()
+        took = time.process_time() - used, time.time() - seconds
+        print(f"  {last or 'start':14}{took[0]:9.0f}{took[1]:9.0f}{peak:9}{left:9}", flush=True)
+        open("/proc/self/clear_refs", "w").write("5")
+        last, used, seconds, worst = what, time.process_time(), time.time(), max(worst, peak)
+last, used, seconds, worst = "", 0.0, time.time(), 0
+process_session(
+    Path(sys.argv[1]), smooth=True, prototypes=read_prototypes(Path(sys.argv[2])), progress=tell
+)
+tell("end", 0, 0)
+print(f"  process: peak {worst} MB")
+"""
 # the greatest size since the program was started, which unlike ru_maxrss does not count what its parent had
 _PEAK = "print([line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')][0])"
 
@@ -160,8 +192,8 @@ def azure(folder: Path, dest: Path, times: int) -> Path:
     return write(dest / "azure.mkv", facts, clusters())
 
 
-def videos(folder: Path, dest: Path, times: int) -> Path:
-    """A folder of videos that are kept as they are."""
+def videos(folder: Path, dest: Path, times: int, *, farthest_mm: int = 1 << 16) -> Path:
+    """A folder of videos that are kept as they are, with depth as far as ``farthest_mm``."""
     made, once = dest / "videos", dest / "once"
     made.mkdir()
     once.mkdir()
@@ -172,7 +204,8 @@ def videos(folder: Path, dest: Path, times: int) -> Path:
             color.write(np.asarray(image, np.uint8), t_ns)
     with DepthWriter(once / "depth.mkv", *DEPTH_PX, threads=2) as depth:
         for t_ns, path in shown(folder, "depth", ".depth", 1):
-            depth.write(np.fromfile(path, ">u2").astype(np.uint16).reshape(DEPTH_PX[::-1]), t_ns)
+            measured_mm = np.fromfile(path, ">u2").reshape(DEPTH_PX[::-1])
+            depth.write(np.where(measured_mm < farthest_mm, measured_mm, 0).astype(np.uint16), t_ns)
     for name in ("color.mp4", "depth.mkv"):
         repeated(once / name, made / name, times, rendered(folder))
     write_new_file(made / "camera.json", [(folder / "camera.json").read_bytes()])
@@ -217,12 +250,54 @@ def measured(what: str, seconds: float, costs: list[Cost]) -> None:
     )
 
 
+def hour(folder: Path) -> None:
+    """Import and process an hour, and print what memory that takes."""
+    once = rendered(KEPT)
+    if (free := shutil.disk_usage(folder).free / 1e9) < HOUR_GB:
+        sys.exit(f"{folder}: {free:.0f} GB are free, it takes {HOUR_GB}; name another with --folder")
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        dest = Path(temporary) / "session"
+        source = videos(KEPT, Path(temporary), round(HOUR_S / once), farthest_mm=WALL_MM)
+        print(f"an hour of 1080p30 and depth; memory every {SAMPLED_S:.0f} s")
+        program = Popen([sys.executable, "-c", _IMPORT, str(source), str(dest)], cwd=ROOT)
+        sizes = list(sampled(program))
+        marks = [sizes[i * (len(sizes) - 1) // 4] for i in range(5)]
+        print(
+            f"  import: peak {max(sizes):.0f} MB; from beginning to end {', '.join(f'{m:.0f}' for m in marks)}"
+        )
+        shutil.rmtree(source)
+        print(f"  {'process':14}{'cpu s':>9}{'clock s':>9}{'peak MB':>9}{'MB after':>9}", flush=True)
+        program = Popen([sys.executable, "-c", _TOLD, str(dest), str(KEPT / "boxes.json")], cwd=ROOT)
+        if program.wait():
+            sys.exit("it failed")
+        print(f"  target: both below {TARGET_MB} MB")
+
+
+def sampled(program: Popen[bytes]) -> Iterator[float]:
+    """The memory in MB that a program has taken at most by now, until it ends."""
+    while program.poll() is None:
+        with contextlib.suppress(TimeoutExpired):
+            program.wait(SAMPLED_S)
+        with contextlib.suppress(OSError):  # it has just ended
+            lines = Path(f"/proc/{program.pid}/status").read_text().splitlines()
+            yield from (int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
+    if program.returncode:
+        sys.exit("it failed")
+
+
 def main() -> None:
     """Make recordings of two lengths, and measure both ways of each."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--long", type=int, default=4, help="how many times as long the longer recording is")
-    long = parser.parse_args().long
-    once = rendered(KEPT)
+    parser.add_argument("--hour", action="store_true", help="an hour, for its memory")
+    parser.add_argument(
+        "--folder", type=Path, default=Path(tempfile.gettempdir()), help="where the hour is made"
+    )
+    asked = parser.parse_args()
+    if asked.hour:
+        hour(asked.folder)
+        return
+    long, once = asked.long, rendered(KEPT)
     print(f"1080p30 and depth {DEPTH_PX[0]} x {DEPTH_PX[1]}; {os.cpu_count()} processors")
     print(f"  {'':42}{'s':>7}{'x real':>8}{'cpu s/s':>9}{'cpus':>8}{'MB':>8}")
     for name, make in (("H.264 and FFV1, kept", videos), ("JPEG and raw depth, encoded", azure)):
@@ -237,8 +312,8 @@ def main() -> None:
             peaks.append([cost.peak_mb for cost in costs])
         for stage, short, longer in zip(("import", "process"), *peaks, strict=True):
             growth = max(longer - short, 0) / (once * (long - 1))
-            hour = longer + growth * (HOUR_S - once * long)
-            print(f"  {name}: {stage} of an hour, by the same growth: {hour:.0f} MB")
+            at_an_hour = longer + growth * (HOUR_S - once * long)
+            print(f"  {name}: {stage} of an hour, by the same growth: {at_an_hour:.0f} MB")
     print(f"  target: both at least {TARGET} times real time; below {TARGET_MB} MB for an hour")
 
 

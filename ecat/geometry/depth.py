@@ -9,7 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ecat.geometry.cameras import Camera
 from ecat.geometry.transforms import Floats, Rigid
@@ -131,6 +130,8 @@ def depth_at(
     cloud_pixels : where in the colour image the points are, (..., 2), of :func:`color_pixels`.
     points : the points (..., 3), metres.
     """
+    from scipy.spatial import cKDTree
+
     found = np.full((len(pixels), 3), np.nan)
     low, high = np.nanmin(pixels, 0) - reach_px, np.nanmax(pixels, 0) + reach_px
     near = within(cloud_pixels, low, high)

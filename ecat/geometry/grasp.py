@@ -12,6 +12,8 @@ from ecat.geometry.transforms import Floats, Rigid
 
 _RESTING = 10
 """So many observations tell where a box rests."""
+_STEADY_M = 0.002
+"""A hand is not known to be off its place by less, however little it moved on the box."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class Grip:
     """``reach_m``: greatest distance of a holding hand from the box's surface.  ``spread_m``: how much, by its median,
     its place on the box may vary during the movement.  ``hold_m``: it holds while it is this near to that place;
     ``grasp_m``: it closes or opens while it is this near.  Both are widened by the hand's standard deviation.
-    ``frames``: so many frames on end outside are believed.
+    ``frames``: so many frames on end outside are believed.  A hand sets off and arrives gently: where it is near enough
+    to hold, but farther than it mostly was during the movement, it opens or closes already.
     """
 
     reach_m: float = 0.1
@@ -80,8 +83,10 @@ def find_grasp(
     lasting: list[tuple[int, int]] = []
     for part, around in sides:
         resting = _at(pose, _typical(pose, around if around.size else rows[known][:1]))
-        away = np.linalg.norm(_on_box(hand[part], resting) - place, axis=1) - sigma_m[part]
-        lasting.append((_lasts(away, grip.hold_m, grip.frames), _lasts(away, grip.grasp_m, grip.frames)))
+        distance = np.linalg.norm(_on_box(hand[part], resting) - place, axis=1)
+        away = distance - sigma_m[part]
+        held_for = _before(distance, _lasts(away, grip.hold_m, grip.frames), max(spread, _STEADY_M))
+        lasting.append((held_for, _lasts(away, grip.grasp_m, grip.frames)))
     (closed, near), (opened, left) = lasting
     return Grasp(start - near, start - closed, end + opened, end + left, spread)
 
@@ -100,6 +105,13 @@ def _on_box(points: Floats, pose: Rigid) -> Floats:
     return np.einsum(
         "nji,nj->ni", np.broadcast_to(pose.rotation, (len(points), 3, 3)), points - pose.translation
     )
+
+
+def _before(distance: Floats, rows: int, usual: float) -> int:
+    """How many of the first ``rows`` there are before the distance rises from the usual one to where it ends."""
+    while rows and distance[rows - 1] > usual:
+        rows -= 1
+    return rows
 
 
 def _lasts(away: Floats, limit: float, frames: int) -> int:

@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
 
 from ecat.geometry.depth import RangeNoise, inside, steady, within
 from ecat.geometry.transforms import Floats
@@ -84,6 +81,9 @@ def _slope(cloud: Floats, normal: Floats) -> Floats:
 
 def _parts(z: Floats, mask: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Which connected part (n,) each pixel of the mask belongs to."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     number = np.full(mask.shape, -1)
     number[mask] = np.arange(mask.sum())
     edges: list[NDArray[np.intp]] = []
@@ -103,6 +103,8 @@ def convex_hull(points: Floats, *, most: int = _MOST_CORNERS) -> Floats | None:
 
     Of more corners those are kept that reach farthest in ``most`` evenly spread directions.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     if len(points) < 4:
         return None
     try:

@@ -39,14 +39,15 @@ class SteadyErrors:
     ----------
     marker_m : along each axis, of a marker's place on a box that was never measured.
     measured : share of what is not known about a measured marker that puts poses off: the rest is the size of the
-        box and the place of its axes, which all markers have in common.  Rendered boxes are off by so much.
+        box and the place of its axes, which all markers have in common.  Rendered boxes that were turned in view on
+        purpose are off by less than so much, those that were measured while they were handled by more.
     rest_m, rest_rad : height and tilt of a box that rests on the table, whose plane has errors of its own.
     table_m, table_rad : the same where corners are so well known that they may say otherwise.
     prior : how many residuals the assumed noise of the corners is worth against those of the frame itself.
     """
 
     marker_m: float = 0.002
-    measured: float = 0.45
+    measured: float = 0.6
     rest_m: float = 0.0005
     rest_rad: float = 0.002
     table_m: float = 0.001

@@ -26,7 +26,7 @@ _CORNERS: Floats = np.array(list(product((-1.0, 1.0), repeat=3)))
 class Threshold:
     """A relation begins when its measure falls to ``on`` and ends when it rises above ``off`` by more than ``sigmas``
     standard deviations.  It must hold for ``min_s``; a stretch without measurement up to ``max_gap_s`` is bridged, a
-    longer one ends it.
+    longer one ends it.  In the first measurement, and in the first after such a stretch, the ``middle`` decides.
     """
 
     on: float
@@ -34,6 +34,11 @@ class Threshold:
     sigmas: float = 1.0
     min_s: float = 0.2
     max_gap_s: float = 1.0
+
+    @property
+    def middle(self) -> float:
+        """Where it is as probable that the relation holds as that it does not."""
+        return (self.on + self.off) / 2
 
 
 @dataclass(frozen=True)
@@ -64,15 +69,15 @@ def held(t_s: Floats, measure: Floats, sigma: Floats, threshold: Threshold) -> l
     says = np.where(
         value <= threshold.on, 1, np.where(value > threshold.off + threshold.sigmas * doubt, -1, 0)
     )
-    # between the thresholds the last word counts, but not across a long gap
+    # between the thresholds the last word counts, but not across a long gap: there is none then
     fresh = np.diff(at, prepend=-np.inf) > threshold.max_gap_s
-    spoken = np.maximum.accumulate(np.where((says != 0) | fresh, np.arange(len(says)), 0))
+    says = np.where(fresh & (says == 0), np.where(value <= threshold.middle, 1, -1), says)
+    spoken = np.maximum.accumulate(np.where(says != 0, np.arange(len(says)), 0))
     holds = says[spoken] > 0
     begins = np.flatnonzero(holds & (fresh | ~np.r_[False, holds[:-1]]))
     ends = np.flatnonzero(holds & (np.r_[fresh[1:], True] | ~np.r_[holds[1:], False]))
-    middle = (threshold.on + threshold.off) / 2
     sure = np.full(len(measure), 0.5)
-    sure[known] = ndtr((middle - value) / np.maximum(doubt, 1e-9))
+    sure[known] = ndtr((threshold.middle - value) / np.maximum(doubt, 1e-9))
     found: list[Held] = []
     for begin, end in zip(known[begins].tolist(), known[ends].tolist(), strict=True):
         after = t_s[end + 1] if end + 1 < len(t_s) else t_s[end]

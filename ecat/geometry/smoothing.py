@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ecat.geometry.transforms import Floats, known
 
@@ -119,7 +119,7 @@ def _scatter(values: Floats, covariance: Floats, rest: NDArray[np.int64], lag: i
     square = np.concatenate(squares)
     if len(square) < _LEAST_SCATTER:
         return None
-    return float(np.median(square) / chi2.ppf(0.5, values.shape[1]))
+    return float(np.median(square) / float(chdtri(values.shape[1], 0.5)))
 
 
 def _information(covariance: Floats, measured: NDArray[np.bool_]) -> tuple[Floats, float]:

@@ -33,7 +33,7 @@ from ecat.process.inputs import (
     was_tracked,
 )
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
-from ecat.process.prototypes import boxes_in, kept_prototypes, recording_of
+from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
 from ecat.progress import Progress, silent
 from ecat.store import Commit, Session, TableData, open_session
 
@@ -86,6 +86,7 @@ def process_session(
     force: bool = False,
     smooth: bool = False,
     prototypes: Sequence[BoxPrototype] | None = None,
+    measured: bool = False,
     progress: Progress = silent,
 ) -> ProcessReport:
     """Run the stages of the session at ``path`` that are out of date.
@@ -97,6 +98,7 @@ def process_session(
     smooth : also run the smoother (it is kept up to date once it has run).
     prototypes : the boxes; by default those kept in the session, or calibrated from the session itself.  They are kept
         in the session, from the commit of the first stage that uses them.
+    measured : the boxes were measured by the marks of this session and others, which therefore stay as they are.
 
     Raises
     ------
@@ -107,7 +109,7 @@ def process_session(
     session = open_session(path)
     chosen = [stage for stage in _stages() if _wanted(stage, session, stages, smooth=smooth)]
     with StageImages(session) as images:
-        run = _Run(session, images, prototypes, progress, len(chosen))
+        run = _Run(session, images, prototypes, progress, len(chosen), measured=measured)
         for stage in chosen:
             run.stage(stage, force=force)
     run.keep_prototypes()
@@ -143,12 +145,18 @@ def _why_not(stage: Stage, session: Session) -> str:
     if not seen and not by_depth and any(name in stage.inputs for name in MARKS):
         return "no markers in this session"
     measures = stage.name != "track" and "camera" in stage.parameters.__dataclass_fields__
-    if measures and seen and was_tracked(session) and color_camera(session) is None:
+    needs_marks = not (by_depth and set(MARKS) <= set(stage.optional))
+    if measures and seen and needs_marks and _color_is_unknown(session):
         return "nothing is known of the colour camera: its calibration is needed to measure"
     for name in stage.inputs:
         if name not in {CLOCK, *stage.optional} and not session.has_table(name):
             return f"no table {name}" if seen else f"no markers in this session, and no table {name}"
     return ""
+
+
+def _color_is_unknown(session: Session) -> bool:
+    """Whether marks were found in images of a camera of which nothing is known."""
+    return was_tracked(session) and color_camera(session) is None
 
 
 def made_by(session: Session) -> dict[str, str]:
@@ -168,7 +176,8 @@ def stale_tables(session: Session) -> Iterator[tuple[str, str]]:
     stages = {stage.name: stage for stage in _stages()}
     boxes = kept_prototypes(session) or NOMINAL_BOXES
     for table, name in made_by(session).items():
-        parameters = recorded(stages[name], parameters_of(session, stages[name], boxes))
+        used = boxes_to_find(session, stages[name]) if _finds(stages[name]) else boxes
+        parameters = recorded(stages[name], parameters_of(session, stages[name], used))
         if changed := _changes(session, table, stages[name], parameters, input_hashes(session, stages[name])):
             yield table, ", ".join(changed)
 
@@ -208,7 +217,8 @@ def parameters_of(session: Session, stage: Stage, prototypes: Sequence[BoxProtot
     if "prototypes" in fields:
         values["prototypes"] = tuple(prototypes)
     if "camera" in fields:
-        values["camera"] = session_camera(session)
+        no_camera = stage.name == "plane" and _color_is_unknown(session)
+        values["camera"] = None if no_camera else session_camera(session)
     if "objects" in fields:
         values["objects"] = box_objects(annotated_objects(session), prototypes)
     if stage.name in {"plane", "pose"}:
@@ -216,6 +226,26 @@ def parameters_of(session: Session, stage: Stage, prototypes: Sequence[BoxProtot
     if "surface" in fields:
         values["surface"] = table_surface(session)
     return stage.parameters(**values)
+
+
+def _finds(stage: Stage) -> bool:
+    return "markers_2d" in stage.outputs
+
+
+def boxes_to_find(session: Session, stage: Stage) -> tuple[BoxPrototype, ...]:
+    """The boxes whose marks are looked for, if nobody says which: those kept in the session, or else nominal ones.
+
+    Boxes that were measured by marks of nominal ones are those that were in view, and have the faces that were seen
+    together: they take the place of the nominal ones wherever it is about sizes, but not here, or else the marks would
+    be looked for again.
+    """
+    kept, record = kept_prototypes(session), session.manifest.table("markers_2d")
+    if not kept or record is None:
+        return kept or NOMINAL_BOXES
+    nominal = recorded(stage, parameters_of(session, stage, NOMINAL_BOXES))
+    were_nominal = _json(record.parameters.get("prototypes")) == _json(nominal["prototypes"])
+    codes, known = ({f.code for box in boxes for f in box.faces} for boxes in (kept, NOMINAL_BOXES))
+    return NOMINAL_BOXES if were_nominal and codes <= known else kept
 
 
 class _Run:
@@ -228,6 +258,8 @@ class _Run:
         prototypes: Sequence[BoxPrototype] | None,
         progress: Progress,
         total: int,
+        *,
+        measured: bool,
     ) -> None:
         self.ran: list[str] = []
         self.skipped: list[str] = []
@@ -238,6 +270,7 @@ class _Run:
         self._progress = progress
         self._total = total
         self._prototypes = None if prototypes is None else tuple(prototypes)
+        self._to_find = None if measured else self._prototypes
 
     def stage(self, stage: Stage, *, force: bool) -> None:
         """Run one stage if it applies and is out of date."""
@@ -304,9 +337,11 @@ class _Run:
         self._progress(what, done, self._total)
 
     def _boxes(self, stage: Stage) -> tuple[BoxPrototype, ...]:
+        if _finds(stage):
+            return self._to_find if self._to_find is not None else boxes_to_find(self._session, stage)
         if self._prototypes is None:
             kept = kept_prototypes(self._session)
-            if not kept and ("markers_2d" in stage.outputs or not has_marks(self._session)):
+            if not kept and not has_marks(self._session):
                 return NOMINAL_BOXES  # to be measured, and kept, once their marks are known
             self._prototypes = kept or self._calibrated()
         # nominal ones are not kept: with other sessions, or more marks, they may still be measured
@@ -315,10 +350,9 @@ class _Run:
     def _calibrated(self) -> tuple[BoxPrototype, ...]:
         """The boxes of the session, measured; none if they cannot be."""
         self._say("calibrating the boxes")
-        recording = recording_of(self._session, table_surface(self._session))
         try:
-            if recording is not None:
-                return boxes_in([recording], self._session)
+            if recordings := recordings_of(self._session, self._images):
+                return boxes_in(recordings, self._session)
         except InputError as error:
             self.findings.append(f"{error.what}: {error.where}; nominal boxes were used")
         return ()

@@ -10,15 +10,17 @@ import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ecat.errors import EcatError
 from ecat.model.prototype import BoxPrototype
 from ecat.process.graph import ProcessReport, process_session, require_stages
-from ecat.process.prototypes import calibrate_together
+from ecat.process.prototypes import calibrate_together, to_be_tracked
 from ecat.progress import Progress, silent
 
+_FIRST = "track"
+"""The stage that finds the marks by which boxes are measured."""
 FEW = 4
 """Fewer sessions are done before other processes have started."""
 
@@ -41,6 +43,7 @@ class _Task:
     force: bool
     smooth: bool
     prototypes: tuple[BoxPrototype, ...] | None
+    measured: bool = False
 
 
 def usual_jobs(n_sessions: int) -> int:
@@ -66,7 +69,8 @@ def process_sessions(
     A fault of ecat itself is an outcome as well, unless there is one session only: there it is raised as it is.
 
     Each session commits by itself, so that after an interruption another call does what is left.  Sessions without
-    boxes of their own get those that all sessions of their camera show (:func:`calibrate_together`).
+    boxes of their own get those that all sessions of their camera show (:func:`calibrate_together`): marks are looked
+    for in all videos before anything is made of them.
 
     Parameters
     ----------
@@ -80,27 +84,61 @@ def process_sessions(
     """
     require_stages(stages or ())
     paths = list(dict.fromkeys(paths))
-    # several sessions show a box better than one does; a single session calibrates its own
-    together: Mapping[Path, tuple[BoxPrototype, ...]] = (
-        calibrate_together(paths, progress) if prototypes is None and len(paths) > 1 else {}
-    )
-    given = None if prototypes is None else tuple(prototypes)
     tasks = [
         _Task(
             path=path,
             stages=tuple(stages) if stages else None,
             force=force,
             smooth=smooth,
-            prototypes=given if given is not None else together.get(path),
+            prototypes=None if prototypes is None else tuple(prototypes),
         )
         for path in paths
     ]
     if len(tasks) == 1:
         return [_attempt(tasks[0], progress)]
+    tracked: dict[Path, ProcessReport] = {}
+    if prototypes is None and set(stages or ()) != {_FIRST}:
+        # several sessions show a box better than one does; a single session calibrates its own
+        tracked = _tracked(tasks, jobs, name, progress)
+        together = calibrate_together(paths, progress)
+        tasks = [
+            replace(task, prototypes=together.get(task.path), measured=task.path in together)
+            for task in tasks
+        ]
+    return [_with_tracking(outcome, tracked) for outcome in _all(tasks, jobs, name, progress)]
+
+
+def _all(
+    tasks: Sequence[_Task], jobs: int | None, name: Callable[[Path], str], progress: Progress
+) -> list[Outcome]:
+    """What became of all of them."""
     jobs = usual_jobs(len(tasks)) if jobs is None else min(jobs, len(tasks))
     if jobs > 1:
         return _side_by_side(tasks, jobs, name, progress)
     return [_outcome(task, _within(progress, name(task.path), i, len(tasks))) for i, task in enumerate(tasks)]
+
+
+def _tracked(
+    tasks: Sequence[_Task], jobs: int | None, name: Callable[[Path], str], progress: Progress
+) -> dict[Path, ProcessReport]:
+    """Look for marks where that is to be done, if there are boxes to be measured by them; what it came to.
+
+    What goes wrong goes wrong again where the whole session is processed, and is said there.
+    """
+    wanted = to_be_tracked(task.path for task in tasks if task.stages is None or _FIRST in task.stages)
+    first = [replace(task, stages=(_FIRST,), force=False, smooth=False) for task in tasks]
+    outcomes = _all([task for task in first if task.path in wanted], jobs, name, progress)
+    return {outcome.path: outcome.report for outcome in outcomes if outcome.report is not None}
+
+
+def _with_tracking(outcome: Outcome, tracked: Mapping[Path, ProcessReport]) -> Outcome:
+    """The same, with the stage that ran before the others counted among those that ran."""
+    first, then = tracked.get(outcome.path), outcome.report
+    if first is None or then is None:
+        return outcome
+    ran = tuple(name for name in first.ran if name not in then.ran)
+    skipped = tuple(name for name in then.skipped if name not in ran)
+    return replace(outcome, report=replace(then, ran=(*ran, *then.ran), skipped=skipped))
 
 
 def _within(progress: Progress, name: str, index: int, n_sessions: int) -> Progress:
@@ -123,6 +161,7 @@ def _attempt(task: _Task, progress: Progress) -> Outcome:
             force=task.force,
             smooth=task.smooth,
             prototypes=task.prototypes,
+            measured=task.measured,
             progress=progress,
         )
     except EcatError as error:

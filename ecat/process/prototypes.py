@@ -9,10 +9,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 
 from ecat.errors import EcatError, FormatError, InputError, LimitError, SchemaError, os_error
 from ecat.model.prototype import BoxPrototype
-from ecat.process.inputs import color_camera, has_marks, mark_noise, sane, session_camera, table_surface
+from ecat.process.inputs import (
+    StageImages,
+    color_camera,
+    has_marks,
+    image_stream,
+    mark_noise,
+    sane,
+    session_camera,
+    table_surface,
+    was_tracked,
+)
 from ecat.progress import Progress, silent
 from ecat.store import Session, open_session, staged_file, write_new_file
 
@@ -107,16 +118,65 @@ def kept_prototypes(session: Session) -> tuple[BoxPrototype, ...]:
     return _boxes_of(session.manifest.prototypes, what)
 
 
-def recording_of(session: Session, surface: str = "") -> Recording | None:
-    """What calibration needs of a session, or ``None`` if it has no marks."""
-    from ecat.stages.calibrate import Recording
+def recordings_of(session: Session, images: StageImages | None = None) -> list[Recording]:
+    """What calibration needs of a session: one recording for each place that the camera had.
+
+    None if the session has no marks, or some of a camera that nobody knows.  Where the table is seen in depth, that
+    tells the scale, to which colour images are blind.
+
+    Parameters
+    ----------
+    images : those of the session, if they are open already.
+    """
+    from ecat.stages.calibrate import Recording, recordings_on
     from ecat.stages.plane import polygon_points
 
-    if not session.has_table("markers_2d"):
-        return None
+    if not session.has_table("markers_2d") or (was_tracked(session) and color_camera(session) is None):
+        return []
+    marks = sane(session.table("markers_2d").to_arrow())
     marks_3d = sane(session.table("markers_3d").to_arrow()) if session.has_table("markers_3d") else None
-    polygon = polygon_points(sane(session.keyframes.to_arrow()), surface)
-    return Recording(sane(session.table("markers_2d").to_arrow()), marks_3d, polygon)
+    plane = None
+    if image_stream(session, "depth") is not None:
+        with StageImages(session) if images is None else contextlib.nullcontext(images) as opened:
+            plane = _plane_in_depth(session, opened, marks, marks_3d)
+    if plane is None:
+        polygon = polygon_points(sane(session.keyframes.to_arrow()), table_surface(session))
+        return [Recording(marks, marks_3d, polygon)]
+    return recordings_on(plane, marks, marks_3d)
+
+
+def _plane_in_depth(
+    session: Session, images: StageImages, marks: pa.Table, marks_3d: pa.Table | None
+) -> pa.Table | None:
+    """The table as depth shows it, found by boxes as they should be; None where it shows no table."""
+    from ecat.stages.plane import PLANE, PlaneParameters
+
+    tables = {"keyframes": sane(session.keyframes.to_arrow()), "markers_2d": marks}
+    if marks_3d is not None:
+        tables["markers_3d"] = marks_3d
+    parameters = PlaneParameters(
+        camera=session_camera(session), noise=mark_noise(session), surface=table_surface(session)
+    )
+    with contextlib.suppress(InputError, np.linalg.LinAlgError), np.errstate(all="ignore"):
+        plane = PLANE.run(tables, images.of(PLANE), parameters)["table_plane"]
+        return plane if "depth" in plane["evidence"][0].as_py() else None
+    return None
+
+
+def to_be_tracked(paths: Iterable[Path]) -> set[Path]:
+    """The sessions in whose videos marks are looked for, if there are sessions without boxes to be measured by them."""
+    sessions: list[Session] = []
+    for path in paths:
+        with contextlib.suppress(EcatError):
+            sessions.append(open_session(path))
+    if all(session.manifest.prototypes for session in sessions):
+        return set()
+    return {session.path for session in sessions if _has_video(session)}
+
+
+def _has_video(session: Session) -> bool:
+    record = session.manifest.table("markers_2d")
+    return image_stream(session, "color") is not None and (record is None or bool(record.stage))
 
 
 def calibrate_together(
@@ -143,8 +203,7 @@ def calibrate_together(
         for done, session in enumerate(group):
             progress("reading marks", done, len(group))
             with contextlib.suppress(EcatError):
-                recording = recording_of(session, table_surface(session))
-                recordings += [recording] if recording is not None else []
+                recordings += recordings_of(session)
         progress("calibrating the boxes", len(group), len(group))
         with contextlib.suppress(InputError):
             found |= dict.fromkeys(bare, boxes_in(recordings, group[0]))
@@ -191,15 +250,14 @@ def calibrate(paths: Iterable[Path], progress: Progress = silent) -> tuple[BoxPr
     for done, path in enumerate(found):
         progress("reading marks", done, len(found))
         session = open_session(path)
-        recording = recording_of(session, table_surface(session))
-        if recording is not None:
-            recordings.append(recording)
+        if found_there := recordings_of(session):
+            recordings += found_there
             cameras[_eye(session)] = session
     progress("calibrating the boxes", len(found), len(found))
     if not recordings:
         raise InputError(
             "cannot calibrate the boxes",
-            where=f"none of {len(found)} sessions has marks of boxes",
+            where=f"none of {len(found)} sessions has marks of boxes, seen by a known camera",
             consequence="no prototype was made",
             fix="import a recording with marked boxes",
         )

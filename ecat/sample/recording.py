@@ -58,7 +58,7 @@ def sample_recording(
     mirrored: bool = True,
     depth_size: tuple[int, int] | None = None,
     depth_every: int = 1,
-    crf: int = 18,
+    qp: int = 20,
     progress: Progress = silent,
 ) -> Recording:
     """A sample session with pixels and without markers: those are to be found.
@@ -75,7 +75,7 @@ def sample_recording(
     mirrored : whether images are delivered left for right, as by the Kinect.
     depth_size : (width, height) of depth images; 512 x 424 if not given.
     depth_every : how many colour images there are to one of depth.
-    crf : quality of the H.264 video; greater is smaller and worse.
+    qp : step of quantization of the H.264 video; greater is smaller and worse.
     progress : told about every image that is written.
 
     Raises
@@ -98,7 +98,7 @@ def sample_recording(
         layers=tuple(_retimed(layer, times["color"]) for layer in plain.layers),
         tables={"joints": plain.tables["joints"], "frames": TableData(data=_frames(times))},
         media={
-            **{name: _video(renderer, name, times[name], crf, progress) for name in times},
+            **{name: _video(renderer, name, times[name], qp, progress) for name in times},
             "audio": lambda path: _write_sound(path, sound(truth)),
         },
     )
@@ -197,7 +197,7 @@ def _manifest(manifest: Manifest, renderer: Renderer, times: Times) -> Manifest:
 
 
 def _video(
-    renderer: Renderer, name: str, t_ns: NDArray[np.int64], crf: int, progress: Progress
+    renderer: Renderer, name: str, t_ns: NDArray[np.int64], qp: int, progress: Progress
 ) -> Callable[[Path], None]:
     """What writes a camera's file."""
     camera = renderer.cameras[name]
@@ -211,7 +211,7 @@ def _video(
                     progress(what, k, len(frames))
                     depth.write(renderer.depth(frame), int(t_ns[k]))
             return
-        with ColorWriter(path, camera.width, camera.height, crf=crf) as color:
+        with ColorWriter(path, camera.width, camera.height, qp=qp) as color:
             for k, frame in enumerate(frames):
                 progress(what, k, len(frames))
                 color.write(renderer.color(frame, name), int(t_ns[k]))

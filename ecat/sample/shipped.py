@@ -60,7 +60,7 @@ def write_recording(dest: Path) -> None:
         size=(960, 540),
         depth_size=(256, 212),
         depth_every=2,
-        crf=20,
+        qp=22,
     )
     raw = dest / "recorded" / WITH_PIXELS
     with TemporaryDirectory() as folder:

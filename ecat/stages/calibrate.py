@@ -7,21 +7,25 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from ecat.errors import InputError
 from ecat.geometry.boxes import identify, match_codes
-from ecat.geometry.boxfit import Noise
+from ecat.geometry.boxfit import RESTING, Noise, refine, resting_start
+from ecat.geometry.boxpose import scene_of
 from ecat.geometry.bundle import Priors, Track, adjust
 from ecat.geometry.cameras import KINECT_V2_COLOR, Camera
 from ecat.geometry.layout import find_layout, laid_out
 from ecat.geometry.planes import fit_plane, plane_frame
+from ecat.geometry.poseerror import SteadyErrors
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import FACES, NOMINAL_BOXES, BoxPrototype, Triple, nominal_face
 from ecat.stages.plane import standing_points
+from ecat.stages.pose import table_frames
 from ecat.stages.sightings import BoxSightings, Faces, box_sightings, read_faces
 
 
@@ -36,11 +40,39 @@ class Recording:
     polygon: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
 
+_ON_TABLE: Floats = np.stack(np.meshgrid(*2 * [np.linspace(-0.5, 0.5, 10)], [0.0]), -1).reshape(-1, 3)
+"""Points on the table that stand for its plane in depth: so many that by ``Priors.polygon_m`` it is known to a
+millimetre, which is how well depth shows it."""
+
+
+def recordings_on(
+    table_plane: pa.Table, markers_2d: pa.Table, markers_3d: pa.Table | None = None
+) -> list[Recording]:
+    """A recording with the plane that depth shows, in pieces for which a row of ``table_plane`` holds."""
+    planes = table_frames(table_plane)
+    starts = [0, *(frame for frame, _ in planes[1:])]
+    pieces: list[Recording] = []
+    for (_, table), start, end in zip(planes, starts, [*starts[1:], None], strict=True):
+        marks = [
+            None if rows is None else rows.filter(_between(start, end)) for rows in (markers_2d, markers_3d)
+        ]
+        assert marks[0] is not None
+        pieces.append(Recording(marks[0], marks[1], table.apply(_ON_TABLE)))
+    return pieces
+
+
+def _between(start: int, end: int | None) -> pc.Expression:
+    frame = pc.field("frame")
+    return frame >= start if end is None else (frame >= start) & (frame < end)
+
+
 @dataclass(frozen=True)
 class CalibrationParameters:
     """``known`` boxes lend their name and size to the box that carries their codes; ``size_m`` is that of all
     others: images alone do not show how large a thing is.  ``every``: share of frames used;
-    ``min_sightings``: a code seen less often is taken for a misreading.
+    ``min_sightings``: a code seen less often is taken for a misreading.  ``off``: a box whose corners are off by more
+    standard deviations (root mean square) does not rest on the table as it is taken to; one that does in fewer than
+    ``min_rested`` of the frames used is not measured.
     """
 
     known: tuple[BoxPrototype, ...] = NOMINAL_BOXES
@@ -51,12 +83,17 @@ class CalibrationParameters:
     side_m: float = 0.089
     every: int = 6
     min_sightings: int = 30
+    off: float = 4.0
+    min_rested: int = 5
 
 
 @dataclass(frozen=True)
 class Calibration:
     """Calibrated prototypes, the tables (camera-from-table) of the recordings that show them, and what is left: the
     median distance of a corner from where it should be, in pixels.
+
+    Boxes that were seen, and could not be measured, are among the prototypes as far as they are known; their faces have
+    no ``sigma_m``.
     """
 
     prototypes: tuple[BoxPrototype, ...]
@@ -67,46 +104,98 @@ class Calibration:
 def calibrate_boxes(
     recordings: Sequence[Recording], parameters: CalibrationParameters | None = None
 ) -> Calibration:
-    """Calibrate all boxes that occur in the recordings, together; boxes should mostly stand on a table.
+    """Calibrate all boxes that occur in the recordings, together, by the frames in which they rest on a table.
 
     Raises
     ------
-    InputError : no box shows two faces at once often enough to tell its geometry.
+    InputError : no box shows two faces at once often enough to tell its geometry, while it rests.
     """
     parameters = parameters or CalibrationParameters()
     faces = [read_faces(r.markers_2d, r.markers_3d, parameters.camera) for r in recordings]
     drawn = [_drawn_table(r.polygon) for r in recordings]
-    boxes = [
-        laid
-        for unplaced in _boxes(faces, parameters)
-        if (laid := _laid_out(unplaced, faces, drawn, parameters)) is not None
-    ]
-    if not boxes:
-        raise InputError(
-            "cannot calibrate the boxes",
-            where=f"{sum(len(f.frame) for f in faces)} marker faces in {len(recordings)} recordings",
-            consequence="no prototype was made",
-            fix="record the boxes so that two or three faces are seen at once",
-        )
-    seen = [box_sightings(f, boxes, parameters.camera, parameters.noise) for f in faces]
+    unplaced = _boxes(faces, parameters)
+    boxes = [_laid_out(box, faces, drawn, parameters) for box in unplaced]
+    laid = [box for box in boxes if box is not None]
+    seen = [box_sightings(f, laid, parameters.camera, parameters.noise) for f in faces]
     # a recording that shows none of them says nothing, and may not even have a table
     used = [i for i, shown in enumerate(seen) if any(np.isfinite(box.seen.pixels).any() for box in shown)]
-    tables = [drawn[i] or _standing_table(seen[i], boxes, parameters) for i in used]
+    tables = [drawn[i] or _standing_table(seen[i], laid, parameters) for i in used]
     tracks = [
         Track(table, box.prototype, box.seen[:: parameters.every])
         for table, i in enumerate(used)
         for box in seen[i]
     ]
-    bundle = adjust(
-        tracks,
-        tables,
-        boxes,
-        parameters.camera,
-        parameters.noise,
-        polygons=[recordings[i].polygon for i in used],
-        priors=parameters.priors,
-    )
-    return Calibration(bundle.prototypes, bundle.tables, bundle.residual_px)
+    polygons = [recordings[i].polygon for i in used]
+    measured = _measured(tracks, tables, laid, polygons, parameters)
+    if measured is None:
+        raise InputError(
+            "cannot calibrate the boxes",
+            where=f"{sum(len(f.frame) for f in faces)} marker faces in {len(recordings)} recordings",
+            consequence="no prototype was made",
+            fix="record the boxes standing on the table so that two or three faces are seen at once",
+        )
+    known = {box.name: box for box in parameters.known}
+    alone = [
+        known[box.name]
+        for box, placed in zip(unplaced, boxes, strict=True)
+        if placed is None and box.name in known
+    ]
+    return replace(measured, prototypes=(*measured.prototypes, *alone))
+
+
+def _measured(
+    tracks: Sequence[Track],
+    tables: Sequence[Rigid],
+    boxes: Sequence[BoxPrototype],
+    polygons: Sequence[Floats],
+    parameters: CalibrationParameters,
+) -> Calibration | None:
+    """What the frames say in which boxes rest; None if none does often enough.
+
+    Which those are is told by boxes as they should be, and then by boxes as they were measured.
+    """
+    now, planes, found = tuple(boxes), tuple(tables), None
+    for sharp in (False, True):
+        rested = [_rested(track, planes, now, parameters, sharp=sharp) for track in tracks]
+        often = np.zeros(len(boxes), np.int64)
+        np.add.at(often, [track.box for track in rested], [len(track.seen) for track in rested])
+        enough = often >= parameters.min_rested
+        if not enough.any():
+            return None
+        bundle = adjust(
+            [track for track in rested if enough[track.box] and len(track.seen)],
+            planes,
+            now,
+            parameters.camera,
+            parameters.noise,
+            polygons=polygons,
+            priors=parameters.priors,
+        )
+        now, planes = bundle.prototypes, bundle.tables
+        kept = tuple(new if ok else old for new, old, ok in zip(now, boxes, enough, strict=True))
+        found = Calibration(kept, planes, bundle.residual_px)
+    return found
+
+
+def _rested(
+    track: Track,
+    tables: Sequence[Rigid],
+    boxes: Sequence[BoxPrototype],
+    parameters: CalibrationParameters,
+    *,
+    sharp: bool,
+) -> Track:
+    """The frames in which the box rests on its table; ``sharp``: by markers that were measured.  Those that show only
+    3-D corners cannot be judged, and count as well.
+    """
+    box = boxes[track.box]
+    scene, noise = scene_of(box, parameters.camera, tables[track.table]), parameters.noise
+    sigma_px = noise.sigma_px if sharp else SteadyErrors().image_noise(noise, box, scene)
+    errors = refine(track.seen, scene, resting_start(track.seen, scene), noise, freedom=RESTING).errors_px
+    seen = np.isfinite(errors)
+    square = np.where(seen, errors, 0.0) ** 2 / 2
+    rms = np.sqrt(square.sum((1, 2)) / np.maximum(seen.sum((1, 2)), 1))
+    return replace(track, seen=track.seen[rms <= parameters.off * sigma_px])
 
 
 def _drawn_table(polygon: Floats) -> Rigid | None:

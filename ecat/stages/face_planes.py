@@ -19,7 +19,7 @@ from ecat.geometry.faceplanes import FaceFit, fit_faces
 from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
-from ecat.stages.images import Images, ImagesByKind
+from ecat.stages.images import Images, ImagesByKind, read_parts
 from ecat.stages.sightings import PIXELS, Faces, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import FACE_PLANES
@@ -103,9 +103,18 @@ def _planes(
     marked, quads, image = marked[by], quads[by], image[by]
     measured = _measured(markers_2d, marked, image, parameters)
     own = np.flatnonzero(measured == np.arange(len(measured)))
-    fits = _fits(depth.read(np.unique(image[own]).tolist()), image[own], quads[own], camera, parameters)
+    fits = _fits(_pictures(depth, image[own], quads[own]), image[own], quads[own], camera, parameters)
     fit = FaceFit.joined(list(fits))[np.searchsorted(own, measured)]
     return _table(markers_2d, marked, fit, parameters.min_points)
+
+
+def _pictures(depth: Images, image: NDArray[np.int64], quads: Floats) -> Iterator[NDArray[Any]]:
+    """Each ``image`` (n,), ascending, once, decoded at least where its ``quads`` (n, 4, 2) are."""
+    low, high = np.floor(quads.min(1)).astype(int), np.ceil(quads.max(1)).astype(int) + 1
+    indices, starts = np.unique(image, return_index=True)
+    boxes = [(left, top, right, bottom) for left, top, right, bottom in np.hstack([low, high]).tolist()]
+    parts = [boxes[start:end] for start, end in pairwise([*starts.tolist(), len(boxes)])]
+    return read_parts(depth, indices.tolist(), parts)
 
 
 def _fits(

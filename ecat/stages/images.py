@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -53,6 +53,26 @@ class Images(Protocol):
     def read(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
         """The images with these indices, ascending; what lies between is skipped as cheaply as the codec allows."""
         ...
+
+
+Part: TypeAlias = tuple[int, int, int, int]
+"""A part of an image: left, top, right, bottom in pixels, without the last column and row."""
+
+
+@runtime_checkable
+class PartlyRead(Protocol):
+    """Images of which a part costs less than the whole."""
+
+    def read_parts(self, indices: Sequence[int], parts: Sequence[Sequence[Part]]) -> Iterator[NDArray[Any]]:
+        """The images with these indices, ascending; outside the parts of each, pixels may be 0."""
+        ...
+
+
+def read_parts(
+    images: Images, indices: Sequence[int], parts: Sequence[Sequence[Part]]
+) -> Iterator[NDArray[Any]]:
+    """The images with these indices, ascending, whole or only where somebody looks at them: whichever costs less."""
+    return images.read_parts(indices, parts) if isinstance(images, PartlyRead) else images.read(indices)
 
 
 ImagesByKind: TypeAlias = Mapping[str, Images]

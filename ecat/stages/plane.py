@@ -27,18 +27,21 @@ from ecat.tables import TABLE_PLANE
 
 MIN_BOX_FRAMES, MOST_BOX_FRAMES = 20, 1000
 """Fewer frames with a box say less about the table than the polygon does, more say nothing new."""
+_MOST_FRAMES = 20_000
+"""What is read of a recording to choose those from; all of an hour would fill half a gigabyte."""
 
 
 @dataclass(frozen=True)
 class PlaneParameters:
-    """``surface``: object id of the polygon on the table (empty: every 3-D polygon of the session).
+    """``camera``: of the colour images; None where it is unknown, so that marks in them tell no place.
+    ``surface``: object id of the polygon on the table (empty: every 3-D polygon of the session).
 
     ``tolerance_m``: largest distance of a polygon point that is believed; annotated points are up to 21 mm
     off. ``every``: only every so manieth frame with boxes is used, neighbours being nearly alike.
     """
 
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
-    camera: Camera = KINECT_V2_COLOR
+    camera: Camera | None = KINECT_V2_COLOR
     noise: Noise = field(default_factory=Noise)
     priors: Priors = field(default_factory=Priors)
     surface: str = ""
@@ -67,11 +70,13 @@ def fit_table(
     parameters = parameters or PlaneParameters()
     polygon = np.asarray(polygon, float).reshape(-1, 3)
     drawn = np.isfinite(polygon).all(1).sum() >= 3
-    boxes = _standing_boxes(markers_2d, markers_3d, parameters, unmeasured=not drawn)
+    camera = parameters.camera
+    flat, solid = _spread(markers_2d, markers_3d)
+    boxes = _standing_boxes(flat, solid, parameters, unmeasured=not drawn)
     if drawn:
         start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
-    elif boxes:
-        start = fit_plane(standing_points(boxes, parameters.prototypes, parameters.camera), tolerance_m=0.03)
+    elif boxes and camera is not None:
+        start = fit_plane(standing_points(boxes, parameters.prototypes, camera), tolerance_m=0.03)
     else:
         raise InputError(
             "cannot fit the table's plane",
@@ -79,7 +84,7 @@ def fit_table(
             consequence="no table_plane was made",
             fix="draw the table as a 3-D polygon, or give the prototypes of the boxes that stand on it",
         )
-    if not boxes:
+    if not boxes or camera is None:
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
     every = [max(parameters.every, -(-len(box.frame) // MOST_BOX_FRAMES)) for box in boxes]
     tracks = [Track(0, box.prototype, box.seen[::step]) for box, step in zip(boxes, every, strict=True)]
@@ -88,7 +93,7 @@ def fit_table(
         tracks,
         [first],
         parameters.prototypes,
-        parameters.camera,
+        camera,
         parameters.noise,
         polygons=[polygon] if drawn else [],
         priors=parameters.priors,
@@ -110,15 +115,26 @@ def _standing_boxes(
     """Boxes seen often enough, or without a polygon (``unmeasured``) all that are seen; nominal ones only then: they
     pull the plane to where their tables are wrong.
     """
-    if markers_2d is None:
+    camera = parameters.camera
+    if markers_2d is None or camera is None:
         return []
-    faces = read_faces(markers_2d, markers_3d, parameters.camera)
-    boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise)
+    faces = read_faces(markers_2d, markers_3d, camera)
+    boxes = box_sightings(faces, parameters.prototypes, camera, parameters.noise)
     measured = [all(f.sigma_m is not None for f in p.faces) for p in parameters.prototypes]
     boxes = [b for b in boxes if np.isfinite(b.seen.pixels).any()]
     if unmeasured:
         return boxes
     return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and measured[b.prototype]]
+
+
+def _spread(*markers: pa.Table | None) -> list[pa.Table | None]:
+    """The rows of frames spread over the recording, at most ``_MOST_FRAMES``."""
+    frames = [np.asarray(table["frame"]) for table in markers if table is not None and table.num_rows]
+    step = -(-max((int(frame.max()) + 1 for frame in frames), default=1) // _MOST_FRAMES)
+    return [
+        None if table is None else table.filter(pa.array(np.asarray(table["frame"]) % step == 0))
+        for table in markers
+    ]
 
 
 def standing_points(

@@ -304,7 +304,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
 
 PROPOSE = Stage(
     name="propose",
-    version=3,
+    version=4,
     inputs=("clock", "poses", "table_plane", *EVIDENCE),
     outputs=("event_proposals",),
     parameters=ProposeParameters,

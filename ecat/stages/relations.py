@@ -237,7 +237,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
 
 RELATIONS = Stage(
     name="relations",
-    version=3,
+    version=4,
     inputs=("clock", "poses", "poses_smooth", "table_plane", *EVIDENCE),
     outputs=("relation_proposals",),
     parameters=RelationParameters,

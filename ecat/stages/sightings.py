@@ -79,13 +79,20 @@ def read_faces(
     met = _met(flat.keys, solid.keys)
     pixels = flat.values.reshape(-1, 4, 2)
     points = np.full((len(pixels), 4, 3), np.nan)
-    points[met >= 0] = solid.values[met[met >= 0]].reshape(-1, 4, 3)
-    points = np.take_along_axis(points, pair_corners(pixels, points, camera)[..., None], 1)
+    paired = np.flatnonzero(met >= 0)
+    solid_points = solid.values[met[paired]].reshape(-1, 4, 3)
+    order = pair_corners(pixels[paired], solid_points, camera)
+    points[paired] = np.take_along_axis(solid_points, order[..., None], 1)
     alone = np.setdiff1d(np.arange(len(solid.code)), met)
     code = flat.code + [solid.code[i] for i in alone]
     pixels = np.concatenate([pixels, np.full((len(alone), 4, 2), np.nan)])
     points = np.concatenate([points, solid.values[alone].reshape(-1, 4, 3)])
-    ring = np.where(np.isfinite(pixels).all(-1, keepdims=True), pixels, project_ring(points, camera))
+    ring = pixels.copy()
+    gaps = np.flatnonzero(
+        ~np.isfinite(pixels).all((1, 2))
+    )  # few if any, and an hour has half a million faces
+    missing = ~np.isfinite(pixels[gaps]).all(-1, keepdims=True)
+    ring[gaps] = np.where(missing, project_ring(points[gaps], camera), pixels[gaps])
     known = plausible(ring)
     start = from_leftmost(ring)[..., None]
     pixels, points = (np.take_along_axis(corners, start, 1)[known] for corners in (pixels, points))

@@ -29,7 +29,7 @@ def tied(
     table_plane: pa.Table,
     boxes: Sequence[BoxSightings],
     prototypes: Sequence[BoxPrototype],
-    camera: Camera,
+    camera: Camera | None,
     noise: Noise,
     *,
     outlines: pa.Table | None = None,
@@ -40,7 +40,7 @@ def tied(
 
     Boxes that rest before and after, and of several those that agree, tie two frames; without any, the table's outline,
     if all of it is in view both times (``outlines``: the table ``table_outline`` of these planes).  The camera is then
-    taken to have turned by less than a quarter about the table's normal.
+    taken to have turned by less than a quarter about the table's normal.  ``camera``: that saw the boxes.
     """
     rows = sorted(table_plane.to_pylist(), key=lambda row: int(row["frame"]))
     frames = table_frames(table_plane)
@@ -51,7 +51,8 @@ def tied(
         seen = [
             (one, other)
             for box in boxes
-            if (one := _rested(box, prototypes, camera, noise, table=before, span=spans[0], last=True))
+            if camera is not None
+            and (one := _rested(box, prototypes, camera, noise, table=before, span=spans[0], last=True))
             is not None
             and (other := _rested(box, prototypes, camera, noise, table=after, span=spans[1], last=False))
             is not None

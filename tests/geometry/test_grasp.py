@@ -50,6 +50,26 @@ def test_grasp_begins_where_the_hand_is_near_its_grip() -> None:
     assert found.grasp == 30 - int(0.05 / 0.008)
 
 
+@pytest.mark.parametrize("noise_m", [0.0, 0.004])
+def test_a_hand_that_opens_gently_is_not_taken_to_hold_on(noise_m: float) -> None:
+    pose, rows = box(), np.arange(N)
+    path = hand(pose, (0, N))
+    errors: list[tuple[int, int]] = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        opens, closed = int(rng.integers(84, 92)), int(rng.integers(28, 36))
+        # minimum jerk, 56 mm in eight rows, as a person's hand goes
+        tau = np.clip(np.maximum(rows - opens, closed - rows) / 8, 0, 1)
+        away = 0.056 * tau**3 * (10 - 15 * tau + 6 * tau**2)
+        moved = path + away[:, None] * np.array([0, 0, 1.0]) + rng.normal(0, noise_m, (N, 3))
+        found = grasp(pose, moved, sigma_m=0.01)
+        assert found is not None
+        errors.append((found.release - opens, found.hold - closed))
+    late, early = np.median(errors, axis=0)
+    assert -1 <= late <= 2
+    assert -2 <= early <= 1
+
+
 def test_a_hand_that_rests_elsewhere_does_not_carry() -> None:
     pose = box()
     assert grasp(pose, np.full((N, 3), 0.5)) is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,20 @@ def test_a_third_of_wrong_points_changes_nothing() -> None:
 def test_same_points_same_plane() -> None:
     points = on_plane(60, noise_m=0.002)
     assert fit_plane(points).offset == fit_plane(points).offset
+
+
+def test_an_hour_of_points_takes_no_gigabytes() -> None:
+    points = on_plane(300_000, noise_m=0.002)
+    points[::3] += np.array([0.0, 0.1, 0.2])
+    tracemalloc.start()
+    try:
+        fit = fit_plane(points)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.degrees(np.arccos(fit.normal @ NORMAL)) < 0.05
+    assert len(fit.inliers) == len(points)
+    assert peak < 100e6
 
 
 def test_too_few_points_and_points_on_a_line_are_refused() -> None:

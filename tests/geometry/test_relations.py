@@ -32,6 +32,16 @@ def test_between_the_thresholds_the_last_word_counts() -> None:
     assert spans(measure) == [(2, 7)]
 
 
+def test_where_there_is_no_last_word_the_middle_of_both_thresholds_decides() -> None:
+    nearly, hardly = np.full(10, 0.0149), np.full(10, 0.0151)
+    assert spans(nearly) == [(0, 10)]
+    assert spans(hardly) == []
+    assert spans(np.r_[nearly, hardly]) == [(0, 20)]
+    # a long time later it is another question
+    assert spans(np.r_[nearly, np.full(6, np.nan), hardly]) == [(0, 10)]
+    assert spans(np.r_[hardly, np.full(6, np.nan), nearly]) == [(16, 26)]
+
+
 def test_an_interval_begins_and_ends_at_the_very_frame() -> None:
     assert spans(np.r_[np.ones(7), np.zeros(5), np.ones(8)]) == [(7, 12)]
 

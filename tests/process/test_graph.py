@@ -19,6 +19,7 @@ from ecat.sample import sample_session
 from ecat.stages import STAGES
 from ecat.store import Draft, Session, TableData, create_session, open_session
 from ecat.tables import MARKERS_2D, TABLES
+from tests.process.films import filmed, find
 
 STAGES_BY_DEFAULT = ("plane", "pose", "relations", "propose")
 """Those that run on a session whose markers came with it, unless smoothing is asked for."""
@@ -139,6 +140,42 @@ def test_stages_do_not_apply_to_a_session_without_markers(tmp_path: Path) -> Non
     assert list(why) == ["plane", "pose", "smooth", "relations", "propose"]
     assert all(reason.startswith("no markers in this session") for reason in why.values())
     assert open_session(tmp_path / "bare").manifest == before
+
+
+def test_the_table_is_found_by_depth_alone_where_nothing_is_known_of_the_colour_camera(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, marks = filmed(tmp_path / "s", 1, eyeless=True)
+    find(monkeypatch, [marks])
+    report = process_session(tmp_path / "s")
+    assert report.ran == ("track", "plane", "outline")
+    assert report.not_applicable["pose"].startswith("nothing is known of the colour camera")
+    session = open_session(tmp_path / "s")
+    assert session.manifest.prototypes == ()
+    (row,) = session.table("table_plane").to_arrow().to_pylist()
+    table = truth.scene.depth_from_table
+    assert row["evidence"] == "depth"
+    assert (row["nx"], row["ny"], row["nz"]) == pytest.approx(table.rotation[:, 2], abs=0.001)
+    assert row["d"] == pytest.approx(-table.rotation[:, 2] @ table.translation, abs=0.001)
+    assert process_session(tmp_path / "s").ran == ()
+    assert list(stale_tables(session)) == []
+
+
+def test_boxes_measured_by_the_marks_that_were_found_are_no_reason_to_look_for_marks_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at = find(monkeypatch, [filmed(tmp_path / "s", 1)[1]])
+    assert process_session(tmp_path / "s").ran == ("track", *STAGES_BY_DEFAULT)
+    session = open_session(tmp_path / "s")
+    boxes = [BoxPrototype.from_dict(box) for box in session.manifest.prototypes]
+    assert 0 < len(boxes) < len(NOMINAL_BOXES)
+    assert list(stale_tables(session)) == []
+    assert process_session(tmp_path / "s").ran == ()
+    assert process_session(tmp_path / "s", prototypes=boxes, measured=True).ran == ()
+    assert len(looked_at) == 1
+    # boxes that somebody names are those that are looked for
+    assert process_session(tmp_path / "s", prototypes=boxes[:1]).ran == ("track", *STAGES_BY_DEFAULT)
+    assert process_session(tmp_path / "s").ran == ()
 
 
 def test_depth_of_an_unknown_camera_is_there_and_measures_nothing(tmp_path: Path) -> None:

@@ -13,10 +13,11 @@ import pytest
 
 from ecat.errors import EcatError, UsageError
 from ecat.model import Manifest
-from ecat.process import ProcessReport, many, process_sessions
+from ecat.process import ProcessReport, calibrate, many, process_sessions
 from ecat.process.many import Outcome, usual_jobs
 from ecat.sample import sample_session
 from ecat.store import Draft, create_session, open_session
+from tests.process.films import filmed, find
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +46,11 @@ def summary(outcomes: list[Outcome]) -> list[tuple[str, object]]:
     return [(o.path.name, o.report.ran if o.report else type(o.error).__name__) for o in outcomes]
 
 
+MISSING = {
+    "face_planes": "no depth video in this session",
+    "outline": "no depth video in this session",
+    "hull": "nobody drew a shape in the images",
+}
 RAN = ("plane", "pose", "relations", "propose")
 EXPECTED = [("d", "CorruptError"), ("a", RAN), ("b", RAN), ("c", ())]
 
@@ -80,6 +86,57 @@ def test_sessions_left_by_an_interruption_get_the_boxes_that_they_would_have_got
     assert not second
     assert summary(process_sessions(paths, jobs=1))[1:3] == [("a", ()), ("b", RAN)]
     assert open_session(paths[2]).manifest.prototypes == first
+
+
+@pytest.fixture
+def films(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Path], list[int]]:
+    """Two sessions whose marks are found in their videos, and the lengths of the videos that were looked at."""
+    paths = [tmp_path / "films" / name for name in "ab"]
+    found = [filmed(path, seed) for seed, path in enumerate(paths)]
+    assert len({truth.n_frames for truth, _ in found}) == 2
+    return paths, find(monkeypatch, [marks for _, marks in found])
+
+
+def test_boxes_seen_in_videos_are_measured_by_all_videos_together(
+    films: tuple[list[Path], list[int]],
+) -> None:
+    paths, looked_at = films
+    assert summary(process_sessions(paths, jobs=1)) == [(name, ("track", *RAN)) for name in "ab"]
+    first, second = (open_session(path).manifest.prototypes for path in paths)
+    assert first == second == tuple(box.to_dict() for box in calibrate(paths))
+    assert summary(process_sessions(paths, jobs=1)) == [("a", ()), ("b", ())]
+    assert process_sessions(paths[:1])[0].report == ProcessReport(
+        path=paths[0], ran=(), skipped=("track", *RAN), not_applicable=MISSING
+    )
+    assert len(looked_at) == 2
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_what_was_interrupted_while_videos_are_searched_is_gone_on_with(
+    films: tuple[list[Path], list[int]], at: int
+) -> None:
+    paths, looked_at = films
+    last: list[str] = []
+
+    def stop(what: str, done: int, total: int) -> None:
+        # in the search of the first video, or once both were searched
+        last.append(what)
+        if len(looked_at) > at:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        process_sessions(paths, jobs=1, progress=stop)
+    assert not any(open_session(path).manifest.prototypes for path in paths)
+    assert summary(process_sessions(paths, jobs=1))[1] == ("b", (*(("track",) if at == 0 else ()), *RAN))
+    first, second = (open_session(path).manifest.prototypes for path in paths)
+    assert first == second == tuple(box.to_dict() for box in calibrate(paths))
+
+
+def test_to_look_for_marks_only_measures_no_boxes(films: tuple[list[Path], list[int]]) -> None:
+    paths, looked_at = films
+    assert summary(process_sessions(paths, stages=["track"])) == [("a", ("track",)), ("b", ("track",))]
+    assert [open_session(path).manifest.prototypes for path in paths] == [(), ()]
+    assert len(looked_at) == 2
 
 
 @pytest.mark.slow

@@ -10,6 +10,8 @@ import pyarrow as pa
 from ecat.model import AnnotatedObject, KeyFrame, Layer
 from ecat.process.proposals import machine_layer
 from ecat.sample import sample_session
+from ecat.stages.propose import PROPOSE
+from ecat.stages.relations import RELATIONS
 from ecat.store import create_session, open_session
 from ecat.tables import EVENT_PROPOSALS, RELATION_PROPOSALS
 
@@ -67,8 +69,10 @@ def test_everything_is_a_proposal_of_a_stage() -> None:
     made = layer()
     assert made.name == "machine"
     assert {e.status for e in made.events} == {r.status for r in made.relations} == {"proposed"}
-    assert {e.author for e in made.events} == {"ecat propose 3"}
-    assert {(r.author, r.source) for r in made.relations} == {("ecat relations 3", "computed")}
+    assert {e.author for e in made.events} == {f"ecat propose {PROPOSE.version}"}
+    assert {(r.author, r.source) for r in made.relations} == {
+        (f"ecat relations {RELATIONS.version}", "computed")
+    }
 
 
 def test_only_what_takes_part_is_repeated_without_what_a_person_drew() -> None:

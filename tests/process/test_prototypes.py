@@ -7,16 +7,24 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ecat.errors import EcatError, InputError, LimitError, NotFoundError, SchemaError
 from ecat.model.prototype import NOMINAL_BOXES
-from ecat.process import calibrate, calibrate_together, read_prototypes, write_prototypes
-from ecat.process.prototypes import MAX_BOXES, MAX_BYTES
+from ecat.process import (
+    calibrate,
+    calibrate_together,
+    process_session,
+    read_prototypes,
+    write_prototypes,
+)
+from ecat.process.prototypes import MAX_BOXES, MAX_BYTES, recordings_of
 from ecat.sample import sample_session
-from ecat.store import Draft, create_session
+from ecat.store import Draft, create_session, open_session
+from tests.process.films import filmed, find
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
@@ -90,11 +98,35 @@ def test_more_boxes_than_anybody_has_are_refused(tmp_path: Path) -> None:
         read_prototypes(tmp_path / "boxes.json")
 
 
+def test_boxes_are_measured_on_the_table_that_depth_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [filmed(tmp_path / name, 1, with_depth=name == "deep") for name in ("deep", "flat")]
+    truth = found[0][0]
+    find(monkeypatch, [found[0][1]])
+    for name in ("deep", "flat"):
+        process_session(tmp_path / name, stages=["track"])
+    (deep,), (flat,) = (recordings_of(open_session(tmp_path / name)) for name in ("deep", "flat"))
+    height = truth.scene.depth_from_table.inverse().apply(deep.polygon)[:, 2]
+    assert np.abs(height).max() < 0.001
+    assert not len(flat.polygon)
+    assert deep.markers_2d.equals(flat.markers_2d)
+    (tmp_path / "deep" / "media" / "depth.mkv").unlink()
+    with pytest.raises(EcatError, match="cannot read stream depth"):
+        recordings_of(open_session(tmp_path / "deep"))
+
+
+def test_marks_of_an_unknown_camera_measure_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find(monkeypatch, [filmed(tmp_path / "s", 1, eyeless=True)[1]])
+    process_session(tmp_path / "s", stages=["track"])
+    assert recordings_of(open_session(tmp_path / "s")) == []
+
+
 def test_sessions_that_have_boxes_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     draft, _ = sample_session(seed=1, actions=("next",))
     boxes = tuple(box.to_dict() for box in NOMINAL_BOXES)
     create_session(tmp_path / "a", replace(draft, manifest=replace(draft.manifest, prototypes=boxes)))
-    monkeypatch.setattr("ecat.process.prototypes.recording_of", None)
+    monkeypatch.setattr("ecat.process.prototypes.recordings_of", None)
     assert calibrate_together([tmp_path / "a"]) == {}
 
 

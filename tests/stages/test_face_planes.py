@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ecat.geometry.boxes import box_corners
 from ecat.geometry.cameras import KINECT_V2_DEPTH, Camera
 from ecat.stages.face_planes import FACE_PLANES_STAGE, FacePlaneParameters, fit_face_planes
+from ecat.stages.images import Part
 from ecat.tables import FACE_PLANES
 from tests.stages.recorded import TABLE, Recorded
 
@@ -126,6 +127,29 @@ class Counted(Depth):
     def read(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
         self.asked.extend(indices)
         return super().read(indices)
+
+
+@dataclass(frozen=True)
+class Partly(Depth):
+    """The same, with nothing outside the parts that are asked for."""
+
+    def read_parts(self, indices: Sequence[int], parts: Sequence[Sequence[Part]]) -> Iterator[NDArray[Any]]:
+        for image, wanted in zip(self.read(indices), parts, strict=True):
+            made = np.zeros_like(image)
+            for left, top, right, bottom in wanted:
+                made[max(top, 0) : bottom, max(left, 0) : right] = image[
+                    max(top, 0) : bottom, max(left, 0) : right
+                ]
+            assert 0 < (made > 0).mean() < 0.2
+            yield made
+
+
+def test_only_what_lies_in_faces_is_looked_at(generated: Generated) -> None:
+    session = generated(5)
+    whole = depth_of(session)
+    partly = Partly(whole.images, whole.t_ns)
+    planes = fit_face_planes(session.markers_2d, partly, parameters(session))
+    assert planes.equals(fit_face_planes(session.markers_2d, whole, parameters(session)))
 
 
 def still(session: Recorded, n: int, shift_px: float = 0.0) -> pa.Table:

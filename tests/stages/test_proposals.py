@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from ecat.geometry.cameras import KINECT_V2_COLOR
 from ecat.geometry.transforms import Floats
@@ -143,6 +145,19 @@ def test_directions_are_those_of_the_viewer(place: tuple[float, float], predicat
     found = relations(poses({"o2": slide(place, place), "o3": APART["o3"]}))
     names = {"RIGHT_OF", "LEFT_OF", "BEHIND", "IN_FRONT_OF"}
     assert [r for r in found if r[0] in names] == [(predicate, ("o2", "o3"), 0, N)]
+
+
+@given(st.floats(-180, 180))
+def test_what_stands_still_is_in_just_one_direction_from_the_first_frame_on(degrees: float) -> None:
+    assume(abs(degrees % 90 - 45) > 1e-6)
+    place = 0.4 * np.cos(np.radians(degrees)), 0.4 * np.sin(np.radians(degrees))
+    noise = np.random.default_rng(0).normal(0, 0.0002, (N, 2))
+    still = slide(place, place)
+    still[1:, :2] += noise[1:]
+    found = relations(poses({"o2": still, "o3": APART["o3"]}))
+    names = {"RIGHT_OF", "LEFT_OF", "BEHIND", "IN_FRONT_OF"}
+    ((_, _, start, end),) = [r for r in found if r[0] in names and r[2] == 0]
+    assert (start, end) == (0, N)
 
 
 def test_a_box_put_on_another_is_on_it_and_above_it_and_in_no_direction() -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -24,6 +22,7 @@ from ecat.progress import Progress, silent
 from ecat.store import Draft, TableData, create_session
 from ecat.store.manifest import is_plain_name
 from ecat.store.media import ColorWriter, DepthWriter, annotated_stream
+from ecat.store.media.ahead import ahead
 from ecat.store.media.container import Decoder, gray16, media_errors, open_media, to_ns
 from ecat.tables import FRAMES
 
@@ -35,7 +34,6 @@ Images: TypeAlias = Callable[[], Iterable[tuple[int, Image]]]
 """Called once, when the session is written: the time of each image since the session's start in ns, and the image."""
 
 _THREADS = 2
-_AHEAD = 4  # images
 _MANY = 100  # notes kept of one session
 _TELL_EVERY = 16
 
@@ -50,6 +48,7 @@ class Track:
     images : where a file that has to be written gets them from. source : or the file to copy.
     t_ns : when each image was taken; known beforehand for a file that is copied, else told by ``images``.
     expected : how many images there should be, for the progress. notes : what was odd, a line each.
+    timed : whether that is when they were taken; if nobody knows, the session has no times of this stream.
     """
 
     stream: Stream
@@ -59,6 +58,7 @@ class Track:
     t_ns: array[int] = field(default_factory=lambda: array("q"))
     expected: int = 0
     notes: list[str] = field(default_factory=list[str])
+    timed: bool = True
     progress: Progress = silent
 
     def note(self, text: str) -> None:
@@ -149,19 +149,6 @@ def copied_track(stream: Stream, source: Path, t_ns: Sequence[int] | NDArray[np.
     return Track(stream, source=source, t_ns=times)
 
 
-def ahead(images: Iterable[tuple[int, Image]]) -> Iterator[tuple[int, Image]]:
-    """The same images, a few of which a thread makes before they are asked for: the next are read while one is written.
-
-    What goes wrong in making an image is raised where it would have come.
-    """
-    coming = iter(images)
-    with ThreadPoolExecutor(1) as reader:
-        waiting = deque(reader.submit(next, coming, None) for _ in range(_AHEAD))
-        while (image := waiting.popleft().result()) is not None:
-            waiting.append(reader.submit(next, coming, None))
-            yield image
-
-
 class _Gap:
     """What lies between a lost image and the next that stands for itself; images come out later than packets go in."""
 
@@ -205,7 +192,7 @@ class Decoded:
 
     def __call__(self) -> Iterator[tuple[int, Image]]:
         """Times since the session's start in ns, and images; those without a time get one by the declared rate."""
-        return ahead(self._images())
+        return ahead(self._images())  # the next images are read while one is written
 
     def _images(self) -> Iterator[tuple[int, Image]]:
         what = f"cannot import {self.path.name}"
@@ -314,7 +301,7 @@ def _finished(manifest: Manifest, tracks: Sequence[Track], notes: Sequence[str])
     streams = tuple(_final(stream, known[stream.name]) for stream in manifest.streams)
     manifest = replace(manifest, streams=streams)
     video = annotated_stream(manifest)
-    last = max((max(track.t_ns) for track in tracks if track.t_ns), default=None)
+    last = max((max(track.t_ns) for track in tracks if track.t_ns and track.timed), default=None)
     found = [*notes, *(note for track in tracks for note in track.notes)]
     rest = len(found) - _MANY
     return replace(
@@ -345,7 +332,7 @@ def _final(stream: Stream, track: Track) -> Stream:
 
 def _frame_rows(tracks: Sequence[Track]) -> Iterator[pa.RecordBatch]:
     """The table of recorded times; made when it is asked for, which is after the media were written."""
-    timed = [track for track in tracks if track.t_ns]
+    timed = [track for track in tracks if track.t_ns and track.timed]
     names = [track.stream.name for track in timed]
     t_ns = np.concatenate([np.frombuffer(track.t_ns, np.int64) for track in timed] or [np.zeros(0, np.int64)])
     frame = np.concatenate(

@@ -12,16 +12,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecat.errors import EcatError, FormatError, LimitError, one_line
+from ecat.errors import EcatError, FormatError, one_line
 from ecat.formats.format import Format, ImportOptions, ImportReport
 from ecat.formats.recordings import rgbd_video
-from ecat.formats.recordings.common import Track, color_track, depth_track
-from ecat.formats.recordings.image_files import image_source, is_image, read_header, read_image
+from ecat.formats.recordings.common import Track
+from ecat.formats.recordings.image_files import is_image, read_header
+from ecat.formats.recordings.image_folders import Px, listed, natural, role_folders, usable_sizes
+from ecat.formats.recordings.image_tracks import DISPARITY_UNIT_M, image_track, is_disparity
 from ecat.formats.recordings.known_cameras import (
     KINECT_V1_PX,
     NYU,
@@ -39,19 +39,9 @@ from ecat.store import TableData, files
 from ecat.store.media import MILLIMETRE
 
 NAME = "images"
-COLOR_FOLDERS = frozenset({"color", "colour", "rgb", "image", "images"})
-DEPTH_FOLDERS = frozenset({"depth", "depths"})
-MAX_IMAGES = 1_000_000
 _ROLE = re.compile(r"(?<![a-z])(?:(colou?r|rgb|image)|(depth))(?![a-z])|^(?:(r)|(d))(?=-\d)", re.IGNORECASE)
-_DIGITS = re.compile(r"\d+")
 _MATCH_FILE, _TRAJECTORY_FILE = "rgbd.match", "trajectory.log"
 _MAX_LIST_BYTES = 64 << 20
-_LEAST_PX = 2
-_Px = tuple[int, int]
-# Kinect v1's 11-bit disparity d: metres are 351.3 / (1092.5 - d) (NYU Depth V2 toolbox), 2047 is no measurement
-_NO_DISPARITY, _DISPARITY_A, _DISPARITY_B, _MOST_M = 2047, 351.3, 1092.5, 10.0
-_DISPARITY_UNIT_M = 0.0002
-"""Finer than one step of disparity from 0.27 m on, so that none are merged; 16 bits reach to 13 m."""
 
 
 @dataclass
@@ -61,8 +51,8 @@ class ImageSet:
     name: str
     color: list[Path] = field(default_factory=list[Path])
     depth: list[Path] = field(default_factory=list[Path])
-    color_px: _Px | None = None
-    depth_px: _Px | None = None
+    color_px: Px | None = None
+    depth_px: Px | None = None
     notes: list[str] = field(default_factory=list[str])
 
 
@@ -76,8 +66,8 @@ def sniff(path: Path) -> bool:
     try:
         if (path / "rgb.txt").exists() or (path / "depth.txt").exists():  # TUM RGB-D
             return False
-        color, depth = _role_folders(path)
-        if color is None and depth is None and rgbd_video.sniff(path):
+        color, depth = role_folders(path)
+        if (color is None or depth is None) and rgbd_video.sniff(path):
             return False
         return any(is_image(file) for folder in (path, color, depth) if folder for file in folder.iterdir())
     except OSError:
@@ -100,8 +90,8 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     if source.is_dir() and videos and found:
         names = one_line(", ".join(videos[:3]))
         found[0].notes.append(
-            f"{names}: video beside images is not imported with them; to import both, make videos color.mp4 and "
-            "depth.mkv, or folders color/ and depth/, of the two"
+            f"{names}: video beside images of both kinds is not imported; colour in a video and depth in a folder "
+            "depth/, or the other way around, are imported together"
         )
     parts: list[Part] = [
         (one.name, lambda to, one=one: _create(one, folder, to, what, progress)) for one in _named(found)
@@ -114,13 +104,6 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
 # ---------------------------------------------------------------------------------------------- what there is
 
 
-def _role_folders(path: Path) -> tuple[Path | None, Path | None]:
-    inner = sorted(child for child in path.iterdir() if child.is_dir())
-    color = next((child for child in inner if child.name.lower() in COLOR_FOLDERS), None)
-    depth = next((child for child in inner if child.name.lower() in DEPTH_FOLDERS), None)
-    return color, depth
-
-
 def _sequences(source: Path, what: str) -> Iterator[ImageSet]:
     if source.is_file():
         role, _ = _role(source.stem)
@@ -128,31 +111,14 @@ def _sequences(source: Path, what: str) -> Iterator[ImageSet]:
         one = ImageSet(source.stem, depth=[source]) if is_depth else ImageSet(source.stem, [source])
         yield from _sized([one], what)
         return
-    folders = _role_folders(source)
-    color, depth = (_listed(folder, what) if folder is not None else [] for folder in folders)
+    folders = role_folders(source)
+    color, depth = (listed(folder, what) if folder is not None else [] for folder in folders)
     if color or depth:
         notes: list[str] = []
         paired = _matched(source, color, depth, notes) or _paired(color, depth, notes)
         yield from _sized([ImageSet(source.resolve().name, *paired, notes=notes)], what)
     else:
-        yield from _sized(_groups(_listed(source, what), source.resolve().name, what), what)
-
-
-def _listed(folder: Path, what: str) -> list[Path]:
-    found: list[Path] = []
-    for path in folder.iterdir():
-        if is_image(path) and path.is_file():
-            found.append(path)
-        if len(found) > MAX_IMAGES:
-            raise LimitError(
-                what, where=f"{folder}: more than {MAX_IMAGES:,} images", fix="make a video of them"
-            )
-    return sorted(found, key=lambda path: (*_natural(path.stem), path.name))
-
-
-def _natural(text: str) -> tuple[str, tuple[int, ...]]:
-    """For sorting: what is the same in all names of a sequence, then the numbers."""
-    return _DIGITS.sub("#", text), tuple(int(number) for number in _DIGITS.findall(text))
+        yield from _sized(_groups(listed(source, what), source.resolve().name, what), what)
 
 
 def _role(stem: str) -> tuple[str, str]:
@@ -169,7 +135,7 @@ def _groups(paths: Sequence[Path], name: str, what: str) -> list[ImageSet]:
     groups: dict[str, dict[str, list[Path]]] = {}
     for path in paths:
         role, rest = _role(path.stem)
-        skeleton = _natural(rest)[0] if role else ""
+        skeleton = natural(rest)[0] if role else ""
         if not role:
             try:
                 role = "depth" if read_header(path, what).is_deep else "color"
@@ -189,7 +155,7 @@ def _paired(color: list[Path], depth: list[Path], notes: list[str]) -> tuple[lis
     """Colour and depth of the same number; without such, in their order."""
     if not color or not depth:
         return color, depth
-    numbered = [{_natural(_role(path.stem)[1])[1]: path for path in paths} for paths in (color, depth)]
+    numbered = [{natural(_role(path.stem)[1])[1]: path for path in paths} for paths in (color, depth)]
     common = [number for number in numbered[0] if number in numbered[1]]
     unique = len(numbered[0]) == len(color) and len(numbered[1]) == len(depth)
     if common and unique:
@@ -234,14 +200,14 @@ def _matched(
 def _sized(sequences: Iterable[ImageSet], what: str) -> Iterator[ImageSet]:
     """The sequences by the sizes of their images; those that are no images are left out."""
     for one in sequences:
-        color_px = _sizes(one.color, what, one.notes, deep=False)
-        depth_px = _sizes(one.depth, what, one.notes, deep=True)
+        color_px = usable_sizes(one.color, what, one.notes, deep=False)
+        depth_px = usable_sizes(one.depth, what, one.notes, deep=True)
         color, depth = (one.color if color_px else []), (one.depth if depth_px else [])
         if color and depth and len(color) != len(depth):  # they cannot be paired: the most frequent sizes
             px = [Counter(found.values()).most_common(1)[0][0] for found in (color_px, depth_px)]
             yield replace(one, color=color, depth=depth, color_px=px[0], depth_px=px[1])
             continue
-        groups: dict[tuple[_Px | None, _Px | None], list[tuple[Path | None, Path | None]]] = {}
+        groups: dict[tuple[Px | None, Px | None], list[tuple[Path | None, Path | None]]] = {}
         for c, d in zip_longest(color, depth):
             if (c is None or c in color_px) and (d is None or d in depth_px):
                 sizes = (color_px[c] if c else None, depth_px[d] if d else None)
@@ -249,29 +215,6 @@ def _sized(sequences: Iterable[ImageSet], what: str) -> Iterator[ImageSet]:
         for sizes, rows in groups.items():
             pair = [c for c, _ in rows if c], [d for _, d in rows if d]
             yield replace(one, color=pair[0], depth=pair[1], color_px=sizes[0], depth_px=sizes[1])
-
-
-def _sizes(paths: Sequence[Path], what: str, notes: list[str], *, deep: bool) -> dict[Path, _Px]:
-    """Width and height of those that are images, for depth of 16 bits."""
-    found: dict[Path, _Px] = {}
-    bad: list[str] = []
-    for path in paths:
-        try:
-            header = read_header(path, what)
-        except LimitError:
-            raise
-        except EcatError as error:
-            bad.append(error.where)
-            continue
-        if min(header.width_px, header.height_px) < _LEAST_PX:
-            bad.append(f"{path.name}: less than {_LEAST_PX} pixels wide or high")
-        elif deep and not header.is_deep:
-            bad.append(f"{path.name}: depth wants one channel of 16 bits; save it as 16-bit PNG")
-        else:
-            found[path] = header.width_px, header.height_px
-    if bad:
-        notes.append(f"{len(bad)} of {len(paths)} images cannot be used and are missing: {bad[0]}")
-    return found
 
 
 def _named(found: Sequence[ImageSet]) -> Iterator[ImageSet]:
@@ -285,10 +228,10 @@ def _named(found: Sequence[ImageSet]) -> Iterator[ImageSet]:
 
 
 def _create(one: ImageSet, folder: Path, dest: Path, what: str, progress: Progress) -> ImportReport:
-    disparity = bool(one.depth) and _is_disparity(one.depth[0], what)
+    disparity = bool(one.depth) and is_disparity(one.depth[0], what)
     known = _calibration(one, folder, is_disparity=disparity)
     notes = [*one.notes, *known.notes, *_missing(one, known)]
-    unit_m = _DISPARITY_UNIT_M if disparity else known.depth_unit_m
+    unit_m = DISPARITY_UNIT_M if disparity else known.depth_unit_m
     if one.depth and unit_m is None:
         unit_m = MILLIMETRE
         notes.append("nothing says what the depth is measured in: it was taken for millimetres")
@@ -318,31 +261,18 @@ def _tracks(
     for name, paths, size in (("color", one.color, one.color_px), ("depth", one.depth, one.depth_px)):
         if not paths:
             continue
-        notes: list[str] = []
-        images = image_source(
+        yield image_track(
+            name,
             paths,
             [i * FILE_PERIOD_NS for i in range(len(paths))],
             what,
-            deep=name == "depth",
-            note=notes.append,
-            convert=disparity_to_depth if is_disparity and name == "depth" else None,
+            camera=known.camera(name),
+            unit_m=unit_m if name == "depth" else None,
+            disparity=is_disparity and name == "depth",
             # only their place says which belong together, and colour is written first
             lost=lost if paired else None,
             blank=np.zeros(size[::-1], np.uint16) if paired and size and name == "depth" else None,
         )
-        camera, n = known.camera(name), len(paths)
-        if name == "color":
-            track = color_track(name, images, camera=camera, expected=n)
-            notes.append("the images were encoded to H.264, which loses detail that the eye does not miss")
-        else:
-            track = depth_track(name, images, unit_m=unit_m, camera=camera, expected=n)
-        if is_disparity and name == "depth":
-            notes.append(
-                "the Kinect's raw disparities became depth by 351.3 / (1092.5 - d) m, in steps of "
-                f"{_DISPARITY_UNIT_M * 1000:g} mm; what is beyond {_MOST_M:g} m counts as not measured"
-            )
-        track.notes = notes
-        yield track
 
 
 def _calibration(one: ImageSet, folder: Path, *, is_disparity: bool) -> Calibration:
@@ -376,33 +306,6 @@ def _missing(one: ImageSet, known: Calibration) -> Iterator[str]:
             )
         if not paths:
             yield f"there are no {'depth' if name == 'depth' else 'colour'} images"
-
-
-def _is_disparity(path: Path, what: str) -> bool:
-    """Whether a depth image holds a Kinect v1's 11-bit disparities, in either order of bytes."""
-    if path.suffix.lower() not in {".pgm", ".pnm"}:
-        return False
-    try:
-        image = _host_order(read_image(path, what, deep=True))
-    except FormatError:
-        return False
-    return int(image.max(initial=0)) == _NO_DISPARITY
-
-
-def _host_order(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """NYU's files are little-endian, against the format: seen by 11-bit values that only fit the other way round."""
-    swapped = image.byteswap()
-    return swapped if image.max(initial=0) > _NO_DISPARITY >= swapped.max(initial=0) else image
-
-
-def disparity_to_depth(image: NDArray[Any]) -> NDArray[np.uint16]:
-    """Kinect v1's disparities (height, width) as depth in units of 0.2 mm, 0 where nothing was measured."""
-    values = _host_order(image).astype(np.float64)
-    depth_m = np.divide(
-        _DISPARITY_A, _DISPARITY_B - values, out=np.zeros_like(values), where=values < _DISPARITY_B
-    )
-    depth_m[depth_m > _MOST_M] = 0.0
-    return np.rint(depth_m / _DISPARITY_UNIT_M).astype(np.uint16)
 
 
 FORMAT = Format(

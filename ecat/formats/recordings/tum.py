@@ -7,19 +7,17 @@ position and quaternion (x, y, z, w) of the colour camera, ``accelerometer.txt``
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecat.errors import EcatError, FormatError
 from ecat.formats.format import Format, ImportOptions, ImportReport
-from ecat.formats.recordings.common import Track, color_track, create, depth_track
-from ecat.formats.recordings.image_files import image_source, read_header
+from ecat.formats.recordings.common import Track, create
+from ecat.formats.recordings.image_files import read_header
+from ecat.formats.recordings.image_tracks import image_track
 from ecat.formats.recordings.known_cameras import (
     KINECT_V1_PX,
     TUM,
@@ -27,70 +25,18 @@ from ecat.formats.recordings.known_cameras import (
     Calibration,
     read_calibration,
 )
-from ecat.formats.recordings.rows import imu_rows, numbers_of, pose_rows, wall_clock
+from ecat.formats.recordings.rows import imu_rows, pose_rows, wall_clock
+from ecat.formats.recordings.timed_lists import image_list, parse_rows, read_text
 from ecat.progress import Progress
-from ecat.store import TableData, files
-from ecat.store.manifest import is_inside
+from ecat.store import TableData
 
 NAME = "tum-rgbd"
 _LISTS = {"color": "rgb.txt", "depth": "depth.txt"}
-_MAX_BYTES = 256 << 20
-_LINE = re.compile(rb"[ \t]*(\d{1,10})(?:\.(\d{0,18}))?[ \t,]+([^\r\n]{1,4096})")
-
-
-@dataclass
-class TimedLines:
-    """The lines of a file: their times in ns, sorted, and what follows them; what was odd, a line each."""
-
-    t_ns: list[int] = field(default_factory=list[int])
-    rest: list[str] = field(default_factory=list[str])
-    notes: list[str] = field(default_factory=list[str])
 
 
 def sniff(path: Path) -> bool:
     """Whether it is a folder with ``rgb.txt`` or ``depth.txt``."""
     return any((path / name).is_file() for name in _LISTS.values())
-
-
-def parse_lines(data: bytes, name: str) -> TimedLines:
-    """The timed lines of a list; comments (``#``) are passed over, other lines are counted."""
-    found = TimedLines()
-    pairs: list[tuple[int, str]] = []
-    bad = 0
-    for line in data.splitlines():
-        if not line.strip() or line.lstrip().startswith(b"#"):
-            continue
-        match = _LINE.fullmatch(line.rstrip())
-        t_ns = int(match[1]) * 10**9 + int((match[2] or b"").ljust(9, b"0")[:9]) if match else 1 << 62
-        if match is None or t_ns >= 1 << 62:
-            bad += 1
-            continue
-        pairs.append((t_ns, match[3].decode("utf-8", "replace").strip()))
-    backwards = sum(after[0] < before[0] for before, after in pairwise(pairs))
-    if backwards:
-        found.notes.append(
-            f"{name}: time runs backwards {backwards} times; the lines were sorted by their times"
-        )
-        pairs.sort(key=lambda pair: pair[0])
-    if bad:
-        found.notes.append(f"{name}: {bad} lines are not a time and what belongs to it; they were left out")
-    found.t_ns, found.rest = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-    return found
-
-
-def parse_rows(
-    data: bytes, name: str, columns: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64], list[str]]:
-    """Timed lines of ``columns`` numbers each: times (n,) in ns, numbers (n, columns), and what was odd."""
-    lines = parse_lines(data, name)
-    rows = [(t, numbers_of(rest.encode())) for t, rest in zip(lines.t_ns, lines.rest, strict=True)]
-    good = [(t, row) for t, row in rows if row is not None and len(row) == columns and np.isfinite(row).all()]
-    if len(good) < len(rows):
-        lines.notes.append(
-            f"{name}: {len(rows) - len(good)} lines do not have {columns} numbers; they were left out"
-        )
-    values = np.array([row for _, row in good], np.float64).reshape(-1, columns)
-    return np.array([t for t, _ in good], np.int64), values, lines.notes
 
 
 def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -> ImportReport:
@@ -104,7 +50,7 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
     del options
     what = f"cannot import {source.name}"
     notes: list[str] = []
-    listed = {kind: _listed(source, name, what, notes) for kind, name in _LISTS.items()}
+    listed = {kind: image_list(source, name, what, notes) for kind, name in _LISTS.items()}
     sizes = {kind: _first_size(paths, what) for kind, (_, paths) in listed.items()}
     listed = {kind: found for kind, found in listed.items() if sizes[kind] is not None}
     if not listed:
@@ -128,41 +74,6 @@ def read(source: Path, dest: Path, options: ImportOptions, progress: Progress) -
         start=wall_clock(start_ns),
         progress=progress,
     )
-
-
-def _read_text(path: Path, what: str) -> bytes:
-    with files.typed_errors(what, path):
-        return files.read_bytes(path, _MAX_BYTES)
-
-
-def _listed(folder: Path, name: str, what: str, notes: list[str]) -> tuple[list[int], list[Path]]:
-    """The images that a list names and that are inside the folder."""
-    if not (folder / name).is_file():
-        notes.append(f"there is no {name}")
-        return [], []
-    lines = parse_lines(_read_text(folder / name, what), name)
-    notes += lines.notes
-    root = folder.resolve()
-    kept: list[tuple[int, Path]] = []
-    outside: list[str] = []
-    missing: list[str] = []
-    for t_ns, said in zip(lines.t_ns, lines.rest, strict=True):
-        try:
-            inside = is_inside(said) and (folder / said).resolve().is_relative_to(root)
-            there = inside and (folder / said).is_file()
-        except (OSError, ValueError):  # a name that no file system has
-            inside = there = False
-        if there:
-            kept.append((t_ns, folder / said))
-        else:
-            (missing if inside else outside).append(said)
-    if outside:
-        notes.append(
-            f"{name}: {len(outside)} paths lead out of the folder and were not followed: {outside[0]!r}"
-        )
-    if missing:
-        notes.append(f"{name}: {len(missing)} of {len(lines.t_ns)} images are not there: {missing[0]!r}")
-    return [t for t, _ in kept], [path for _, path in kept]
 
 
 def _first_size(paths: Sequence[Path], what: str) -> tuple[int, int] | None:
@@ -191,15 +102,14 @@ def _calibration(folder: Path, sizes: dict[str, tuple[int, int] | None]) -> Cali
 
 
 def _track(kind: str, paths: list[Path], t_ns: list[int], known: Calibration, what: str) -> Track:
-    notes: list[str] = []
-    images = image_source(paths, t_ns, what, deep=kind == "depth", note=notes.append)
-    camera = known.camera(kind)
-    if kind == "color":
-        track = color_track(kind, images, camera=camera, expected=len(paths))
-    else:
-        track = depth_track(kind, images, unit_m=known.depth_unit_m, camera=camera, expected=len(paths))
-    track.notes = notes
-    return track
+    return image_track(
+        kind,
+        paths,
+        t_ns,
+        what,
+        camera=known.camera(kind),
+        unit_m=known.depth_unit_m if kind == "depth" else None,
+    )
 
 
 def _tables(folder: Path, start_ns: int, notes: list[str]) -> dict[str, TableData]:
@@ -208,7 +118,7 @@ def _tables(folder: Path, start_ns: int, notes: list[str]) -> dict[str, TableDat
         if not (folder / name).is_file():
             continue
         try:
-            t_ns, values, told = parse_rows(_read_text(folder / name, f"cannot read {name}"), name, columns)
+            t_ns, values, told = parse_rows(read_text(folder / name, f"cannot read {name}"), name, columns)
         except EcatError as error:
             notes.append(f"{name} was not read: {error.where}")
             continue

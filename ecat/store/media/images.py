@@ -19,7 +19,7 @@ from ecat.errors import CorruptError, FormatError, NotFoundError, UsageError
 from ecat.geometry.nearest import nearest_in_time
 from ecat.model import Manifest, Stream
 from ecat.store.media.dep import DepthFile
-from ecat.store.media.sources import DepthFileImages, Source, VideoImages
+from ecat.store.media.sources import DepthFileImages, Parts, Source, VideoImages
 
 if TYPE_CHECKING:
     from ecat.geometry.cameras import Camera
@@ -113,6 +113,15 @@ class StreamImages(AbstractContextManager["StreamImages"]):
         ------
         UsageError : the indices do not ascend, or leave the stream.
         """
+        return self.read_parts(indices, None)
+
+    def read_parts(self, indices: Sequence[int], parts: Parts) -> Iterator[NDArray[Any]]:
+        """The same, of which only these parts are wanted (:class:`ecat.stages.images.PartlyRead`).
+
+        Raises
+        ------
+        UsageError : the indices do not ascend, or leave the stream.
+        """
         wanted = [int(index) for index in indices]
         bounded = not wanted or (wanted[0] >= 0 and wanted[-1] < len(self))
         if not bounded or any(b <= a for a, b in pairwise(wanted)):
@@ -121,7 +130,7 @@ class StreamImages(AbstractContextManager["StreamImages"]):
                 where=f"the indices have to ascend and stay within 0 and {len(self) - 1}",
                 fix="sort the indices, and leave out what is beyond",
             )
-        return self._run(self._source.at(wanted), len(wanted))
+        return self._run(self._source.at(wanted, parts), len(wanted))
 
     @cached_property
     def _count(self) -> int:

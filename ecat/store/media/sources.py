@@ -7,11 +7,13 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecat.store.media.ahead import AHEAD, ahead
 from ecat.store.media.container import (
     Decoder,
     Packets,
@@ -23,6 +25,7 @@ from ecat.store.media.container import (
     scan,
 )
 from ecat.store.media.dep import DepthFile
+from ecat.store.media.ffv1 import Part, Slicing
 
 if TYPE_CHECKING:
     from av import Packet, VideoFrame, VideoStream
@@ -34,6 +37,10 @@ _LUMA_FIRST = re.compile(r"yuvj?4\d\dp|nv\d\d|gray")
 """Pixel formats whose first plane is the luma, 8 bits a pixel."""
 
 
+Parts: TypeAlias = Sequence[Sequence[Part]] | None
+"""Which parts of each of some images are wanted; None for all of all."""
+
+
 class Source(Protocol):
     """A file of images."""
 
@@ -43,8 +50,8 @@ class Source(Protocol):
         """All images, in order."""
         ...
 
-    def at(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
-        """Those with these indices, ascending."""
+    def at(self, indices: Sequence[int], parts: Parts = None) -> Iterator[NDArray[Any]]:
+        """Those with these indices, ascending; where only ``parts`` are wanted, the rest may be 0."""
         ...
 
     def close(self) -> None:
@@ -67,8 +74,9 @@ class DepthFileImages:
         with DepthFile(self._path) as file:
             yield from file
 
-    def at(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
+    def at(self, indices: Sequence[int], parts: Parts = None) -> Iterator[NDArray[Any]]:
         """Those with these indices, ascending."""
+        del parts
         with DepthFile(self._path) as file:
             for index in indices:
                 yield file.frame(index)
@@ -82,7 +90,8 @@ class VideoImages:
 
     Parameters
     ----------
-    gray : colour images as their luma. wide : images of 16 bits.
+    gray : colour images as their luma. wide : images of 16 bits. threads : of the decoder; with more than one, many
+        images are decoded ahead of their use.
     """
 
     def __init__(self, path: Path, what: str, *, gray: bool, wide: bool, threads: int) -> None:
@@ -90,6 +99,7 @@ class VideoImages:
         self._gray, self._wide, self._threads = gray, wide, threads
         self._index = first_video(path, what)
         self._idle: _Reader | None = None
+        self._lock = Lock()
 
     def __len__(self) -> int:
         packets = self._packets
@@ -97,11 +107,16 @@ class VideoImages:
 
     def all(self) -> Iterator[NDArray[Any]]:
         """All images, in order."""
-        for frame in decoded(self._path, self._what, self._index, threads=self._threads):
-            yield self._array(frame)
+        frames = decoded(self._path, self._what, self._index, threads=self._threads)
+        images = map(self._array, frames)
+        return images if self._threads == 1 else ahead(images)
 
-    def at(self, indices: Sequence[int]) -> Iterator[NDArray[Any]]:
-        """Those with these indices, ascending."""
+    def at(self, indices: Sequence[int], parts: Parts = None) -> Iterator[NDArray[Any]]:
+        """Those with these indices, ascending; where only ``parts`` are wanted, the rest may be 0."""
+        images = self._at(indices, parts)
+        return images if self._threads == 1 or len(indices) <= AHEAD else ahead(images)
+
+    def _at(self, indices: Sequence[int], parts: Parts) -> Iterator[NDArray[Any]]:
         # a file may hold less than was recorded; whoever asks is told when it ends
         n = len(self) if indices else 0
         indices = [i for i in indices if i < n]
@@ -111,14 +126,16 @@ class VideoImages:
             yield from self._counted(set(indices))
             return
         with self._reader() as reader:
-            for frame in reader.images(indices):
-                yield self._array(frame)
+            for frame, there in reader.images(indices, parts):
+                image = self._array(frame)
+                yield image if there is None else _only(image, there)
 
     def close(self) -> None:
         """Close the file, if it was kept open for the next images."""
-        if self._idle is not None:
-            self._idle.close()
-        self._idle = None
+        with self._lock:
+            idle, self._idle = self._idle, None
+        if idle is not None:
+            idle.close()
 
     @cached_property
     def _packets(self) -> Packets:
@@ -132,18 +149,19 @@ class VideoImages:
     @contextmanager
     def _reader(self) -> Generator[_Reader]:
         """A reader that nobody else is using; it is kept for the next, as opening a long recording takes a while."""
-        reader, self._idle = (
-            self._idle or _Reader(self._path, self._what, self._packets, self._index, self._threads),
-            None,
-        )
+        with self._lock:
+            reader, self._idle = self._idle, None
+        reader = reader or _Reader(self._path, self._what, self._packets, self._index, self._threads)
         try:
             with media_errors(self._what, self._path):
                 yield reader
         except BaseException:  # also when the iteration is given up: nobody knows where it stands
             reader.close()
             raise
-        self.close()
-        self._idle = reader
+        with self._lock:
+            idle, self._idle = self._idle, reader
+        if idle is not None:
+            idle.close()
 
     def _counted(self, wanted: set[int]) -> Iterator[NDArray[Any]]:
         for i, frame in enumerate(decoded(self._path, self._what, self._index, threads=self._threads)):
@@ -172,6 +190,14 @@ def _plane(frame: VideoFrame, dtype: np.dtype[Any]) -> NDArray[Any]:
     view = rows.reshape(-1, plane.line_size // dtype.itemsize)[: frame.height, : frame.width]
     view.flags.writeable = False
     return view
+
+
+def _only(image: NDArray[Any], there: Sequence[Part]) -> NDArray[Any]:
+    """What was decoded of an image; the rest of the decoder's memory holds what was there before."""
+    made = np.zeros_like(image)
+    for left, top, right, bottom in there:
+        made[top:bottom, left:right] = image[top:bottom, left:right]
+    return made
 
 
 def runs(packets: Packets, indices: Sequence[int]) -> Iterator[tuple[int, int, set[int]]]:
@@ -209,20 +235,30 @@ class _Reader:
         self._next = 0
         # where every image stands for itself the decoder need not be emptied before a jump
         self._intra = bool(packets.is_key.all())
+        self._parts: dict[int, Sequence[Part]] = {}
+        self._decoded_parts: dict[int, list[Part]] = {}
         with ExitStack() as opened:
             self._container: InputContainer = opened.enter_context(open_media(path, what))
             self._stream = cast("VideoStream", self._container.streams[index])
             self._decoder = Decoder(self._stream, threads)
+            self._slicing = _slicing(self._stream) if self._intra else None
             self._opened = opened.pop_all()
 
     def close(self) -> None:
         """Close the file."""
         self._opened.close()
 
-    def images(self, indices: Sequence[int]) -> Iterator[VideoFrame]:
-        """The images with these indices, ascending."""
-        wanted = set(self._packets.pts[self._packets.shown[list(indices)]].tolist())
-        return (frame for frame in self._decoded(indices) if frame.pts in wanted)
+    def images(
+        self, indices: Sequence[int], parts: Parts = None
+    ) -> Iterator[tuple[VideoFrame, Sequence[Part] | None]]:
+        """The images with these indices, ascending, and which parts of each were decoded; None for all of it."""
+        wanted = self._packets.pts[self._packets.shown[list(indices)]].tolist()
+        self._parts = {} if parts is None else dict(zip(wanted, parts, strict=False))
+        self._decoded_parts.clear()
+        there = set(wanted)
+        for frame in self._decoded(indices):
+            if frame.pts in there:
+                yield frame, self._decoded_parts.pop(cast("int", frame.pts), None)
 
     def _decoded(self, indices: Sequence[int]) -> Iterator[VideoFrame]:
         """All images, as they are shown, of the stretches of packets that those with these indices lie in."""
@@ -230,10 +266,21 @@ class _Reader:
             if self._is_far(first) or not self._intra:
                 yield from self._decoder.drain()  # a jump would throw away what it holds back
             for packet in self._from(first):
-                yield from self._decoder.decode(packet)
+                yield from self._decoder.decode(self._cut(packet))
                 if self._next > last:
                     break
         yield from self._decoder.drain()
+
+    def _cut(self, packet: Packet[Any]) -> Packet[Any]:
+        """The packet without what nobody wants of its image."""
+        if self._slicing is None or packet.pts not in self._parts:
+            return packet
+        from av import Packet as NewPacket
+
+        data, self._decoded_parts[packet.pts] = self._slicing.cut(bytes(packet), self._parts[packet.pts])
+        cut = NewPacket(data)
+        cut.pts, cut.dts, cut.time_base = packet.pts, packet.dts, packet.time_base
+        return cut
 
     def _is_far(self, packet: int) -> bool:
         return not 0 <= packet - self._next <= _SEEK_PACKETS
@@ -263,3 +310,14 @@ class _Reader:
                 self._next = place + 1
                 if place >= first:
                     yield packet
+
+
+def _slicing(stream: VideoStream) -> Slicing | None:
+    """How images of a stream are divided into slices that can be decoded alone, if they are."""
+    context = stream.codec_context
+    if context.name != "ffv1":
+        return None
+    try:
+        return Slicing(bytes(context.extradata or b""), context.width, context.height)
+    except ValueError:
+        return None

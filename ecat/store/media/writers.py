@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import FormatError, UsageError
 from ecat.store import files
+from ecat.store.media import ffv1
 from ecat.store.media.container import Packets, media_errors, open_media, scan
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ _TICK = Fraction(1, 1000)
 _SCALE = re.compile(rb"(\x15\x49\xA9\x66.{1,24}?\x2A\xD7\xB1\x83)\x0F\x42\x40", re.DOTALL)
 """The segment's information (RFC 9559 §5.1.2), up to a timestamp scale of 1,000,000 ns."""
 _HEADER_BYTES = 1 << 12
-_LEAST_SLICED_PX = 64
-_TABLES = ("greater8bit", "8bit")
 
 
 class _Matroska(io.FileIO):
@@ -93,6 +92,8 @@ class _Writer(AbstractContextManager[Any]):
         self._stack = ExitStack()
 
     def _put(self, frame: VideoFrame, t_ns: int) -> None:
+        from av.video.frame import PictureType
+
         ticks = (int(t_ns) + 500) // 1000
         if ticks <= self._last_ticks:
             raise UsageError(
@@ -102,6 +103,9 @@ class _Writer(AbstractContextManager[Any]):
             )
         self._last_ticks = ticks
         frame.pts, frame.time_base = ticks, self._unit
+        frame.pict_type = (
+            PictureType.NONE
+        )  # a decoded image still says what it was, and would become that again
         with media_errors(self._what, self.path, done=lambda: f"{self.n_images} images were written"):
             self._container.mux(self._stream.encode(frame))
         self.n_images += 1
@@ -112,12 +116,13 @@ class DepthWriter(_Writer):
 
     A file whose writer died is readable up to its last images, and a damaged slice is known by its checksum.  Times are
     kept in microseconds.  Of FFmpeg's two tables for differences, the one is taken that makes the first image smaller:
-    that for more than 8 bits saves 10 % of quiet real depth, and loses up to 2 % of noisy one.  There are four slices,
-    so that more than four ``threads`` are of no use.
+    that for more than 8 bits saves 10 % of quiet real depth, and loses up to 2 % of noisy one.  There are six slices,
+    or four where six would take a quarter of a percent more: each can be decoded alone, so that a part of an image
+    costs less than all of it, and more ``threads`` than that are of no use.
     """
 
     def __init__(self, path: Path, width_px: int, height_px: int, *, threads: int = 1) -> None:
-        super().__init__(path, width_px, height_px, "ffv1", _ffv1(width_px, height_px))
+        super().__init__(path, width_px, height_px, "ffv1", ffv1.choices(width_px, height_px)[0])
         self._stream.pix_fmt = "gray16le"
         self._stream.thread_count = threads
         self._stream.codec_context.gop_size = 1
@@ -141,35 +146,18 @@ class DepthWriter(_Writer):
             )
         frame = VideoFrame.from_ndarray(np.ascontiguousarray(image, "<u2"), format="gray16le")
         if not self.n_images:
-            self._stream.codec_context.options["qtable"] = min(_TABLES, key=lambda name: _packed(frame, name))
+            self._stream.codec_context.options.update(ffv1.suited(image))
         self._put(frame, t_ns)
-
-
-def _ffv1(width_px: int, height_px: int, table: str = _TABLES[0]) -> dict[str, str]:
-    slices = 4 if min(width_px, height_px) >= _LEAST_SLICED_PX else 1
-    return {"level": "3", "slicecrc": "1", "slices": str(slices), "qtable": table}
-
-
-def _packed(frame: VideoFrame, table: str) -> int:
-    """Bytes of a depth image alone, packed by this table."""
-    from av import VideoCodecContext
-
-    encoder = VideoCodecContext.create("ffv1", "w")
-    encoder.width, encoder.height, encoder.pix_fmt = frame.width, frame.height, "gray16le"
-    encoder.time_base = _TICK
-    encoder.options = _ffv1(frame.width, frame.height, table)
-    return sum(packet.size for packet in [*encoder.encode(frame), *encoder.encode(None)])
 
 
 class ColorWriter(_Writer):
     """Colour images as H.264 yuv420p that any browser plays, in MP4 or Matroska by the name of the file.
 
-    Without B-frames and with a key frame every 15 images, so that seeking is exact and short.  ``rate_hz`` is about how
-    many images a second there are, for the encoder's choice of bits; the times given with the images are what counts.
+    Without B-frames and with a key frame every 15 images, so that seeking is exact and short.
 
-    x264's preset ultrafast encodes 1080p more than three times as fast as veryfast and is decoded twice as fast; at the
-    same ``crf`` it comes as close to the original (luma, 18: 43 dB with much sensor noise, 47 with little) in files of
-    the same size, of half as much again where there is much noise.
+    x264's preset ultrafast encodes 1080p more than three times as fast as veryfast and is decoded twice as fast.  The
+    step of quantization, ``qp``, is the same everywhere; 20 leaves 42 to 47 dB of luma, by the noise there is.  To
+    choose it by the content (crf) takes nearly as long as all the rest, and blocks are placed no better for it.
     """
 
     def __init__(
@@ -178,11 +166,10 @@ class ColorWriter(_Writer):
         width_px: int,
         height_px: int,
         *,
-        crf: int = 18,
-        rate_hz: float = 30.0,
+        qp: int = 20,
         threads: int = 1,
     ) -> None:
-        options = {"preset": "ultrafast", "crf": str(crf), "bf": "0"}
+        options = {"preset": "ultrafast", "qp": str(qp), "bf": "0"}
         # 4:2:0 has half as many rows and columns of colour: an odd last one is left out
         even = (width_px - width_px % 2, height_px - height_px % 2)
         super().__init__(path, *even, "libx264", options)
@@ -190,7 +177,6 @@ class ColorWriter(_Writer):
         self._stream.pix_fmt = "yuv420p"
         self._stream.thread_count = threads
         self._stream.codec_context.gop_size = 15
-        self._stream.codec_context.framerate = Fraction(rate_hz).limit_denominator(1001)
 
     def write(self, image: NDArray[np.uint8] | VideoFrame, t_ns: int) -> None:
         """Append an image (height, width, 3) uint8, blue first, or a decoded one, taken at ``t_ns``.

@@ -17,7 +17,7 @@ from ecat.check import check
 from ecat.errors import EcatError, FormatError, LimitError
 from ecat.formats import import_source, registry
 from ecat.formats.recordings.image_files import decode, parse_header
-from ecat.formats.recordings.images import disparity_to_depth
+from ecat.formats.recordings.image_tracks import disparity_to_depth
 from ecat.formats.recordings.known_cameras import parse_calibration
 from ecat.store import Session, find_sessions, open_session
 from ecat.store.media import open_images

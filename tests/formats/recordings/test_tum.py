@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ecat.check import check
 from ecat.errors import FormatError, LimitError
 from ecat.formats import import_source, registry
-from ecat.formats.recordings.tum import parse_lines, parse_rows
+from ecat.formats.recordings.timed_lists import parse_lines, parse_rows
 from ecat.store import open_session
 from ecat.store.media import open_images
 from tests.store.media.clips import color_image, depth_image, number_of

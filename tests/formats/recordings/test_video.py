@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from ecat.errors import FormatError, LimitError
 from ecat.formats import import_source, registry
-from ecat.formats.recordings.common import ahead
 from ecat.store import open_session, validate
 from ecat.store.media import open_images
 from tests.formats.recordings.k4a import recording, write
@@ -240,18 +234,3 @@ def test_times_start_with_the_first_of_the_streams(tmp_path: Path) -> None:
     assert t_ns is not None
     assert t_ns[0] == 0
     assert np.abs(np.diff(t_ns) - PERIOD_NS).max() <= 1000
-
-
-@given(st.integers(0, 12), st.booleans())
-def test_reading_ahead_changes_neither_order_nor_what_goes_wrong(n: int, fails: bool) -> None:
-    def images() -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        for i in range(n):
-            yield i, np.zeros((1, 1), np.uint8)
-        if fails:
-            raise FormatError("cannot read it")
-
-    seen: list[int] = []
-    with pytest.raises(FormatError, match="cannot read it") if fails else nullcontext():
-        seen.extend(t_ns for t_ns, _ in ahead(images()))
-    # what was read before something went wrong has been given out
-    assert seen == list(range(n))

@@ -98,6 +98,21 @@ def test_color_has_a_key_frame_every_15_images_and_no_others_out_of_order(tmp_pa
     assert (np.diff(found.pts) > 0).all()
 
 
+def test_decoded_images_are_packed_like_others(tmp_path: Path) -> None:
+    """Trap: every image of a JPEG video is a key frame, and the encoder would make it one again."""
+    import av
+    import cv2
+
+    decoder = av.VideoCodecContext.create("mjpeg", "r")
+    with ColorWriter(tmp_path / "color.mp4", 64, 48) as writer:
+        for i in range(45):
+            jpeg = cv2.imencode(".jpg", color_image(i % 60))[1].tobytes()
+            (frame,) = decoder.decode(av.Packet(jpeg))
+            writer.write(frame, i * PERIOD_NS)
+    found = scan(tmp_path / "color.mp4", "read").packets[0]
+    assert np.flatnonzero(found.is_key).tolist() == [0, 15, 30]
+
+
 @pytest.mark.parametrize("size", [(64, 48), (65, 49), (2, 2)])
 def test_color_keeps_its_colors_and_odd_sizes_lose_one_line(tmp_path: Path, size: tuple[int, int]) -> None:
     width, height = size
