@@ -22,30 +22,15 @@ ROOT = Path(__file__).parents[1]
 FPS, LENGTH, BATCH = 30, 16, 16
 
 
-def record(project: Path, n_frames: int) -> None:
-    """A session of moving boxes and a video of 320 x 240 with texture that moves."""
-    import cv2
+def poses(n_frames: int) -> Any:
+    """Two boxes that move, of which everything is known at every frame."""
     import numpy as np
     import pyarrow as pa
 
-    from ecat.model import AnnotatedObject, Clock, Event, Layer, Manifest, Role, Segment, Stream
-    from ecat.store import Draft, TableData, create_session
-    from ecat.store.media import ColorWriter
     from ecat.tables import POSES
 
-    chance = np.random.default_rng(0)
-    scene = cv2.GaussianBlur(chance.integers(0, 256, (480, 640, 3)).astype(np.uint8), (0, 0), 3)
-
-    def film(path: Path) -> None:
-        with ColorWriter(path, 320, 240) as writer:
-            for i in range(n_frames):
-                x, y = round(100 + 90 * np.sin(i / 40)), round(100 + 90 * np.cos(i / 50))
-                image = np.ascontiguousarray(scene[y : y + 240, x : x + 320])
-                cv2.rectangle(image, (i % 280, 100), (i % 280 + 40, 140), (0, 0, 255), -1)
-                writer.write(image, i * 1_000_000_000 // FPS)
-
-    boxes, n = ("red", "blue"), 2 * n_frames
-    frame = np.repeat(np.arange(n_frames), len(boxes))
+    n = 2 * n_frames
+    frame = np.repeat(np.arange(n_frames), 2)
     known: dict[str, Any] = {
         "frame": frame,
         "t_ns": frame * 1_000_000_000 // FPS,
@@ -59,8 +44,31 @@ def record(project: Path, n_frames: int) -> None:
     columns = [
         (pa.array(known[f.name]) if f.name in known else pa.nulls(n)).cast(f.type) for f in POSES.arrow
     ]
+    return pa.table(columns, schema=POSES.arrow)
+
+
+def record(project: Path, n_frames: int) -> None:
+    """A session of moving boxes and a video of 320 x 240 with texture that moves."""
+    import cv2
+    import numpy as np
+
+    from ecat.model import AnnotatedObject, Clock, Event, Layer, Manifest, Role, Segment, Stream
+    from ecat.store import Draft, TableData, create_session
+    from ecat.store.media import ColorWriter
+
+    chance = np.random.default_rng(0)
+    scene = cv2.GaussianBlur(chance.integers(0, 256, (480, 640, 3)).astype(np.uint8), (0, 0), 3)
+
+    def film(path: Path) -> None:
+        with ColorWriter(path, 320, 240) as writer:
+            for i in range(n_frames):
+                x, y = round(100 + 90 * np.sin(i / 40)), round(100 + 90 * np.cos(i / 50))
+                image = np.ascontiguousarray(scene[y : y + 240, x : x + 320])
+                cv2.rectangle(image, (i % 280, 100), (i % 280 + 40, 140), (0, 0, 255), -1)
+                writer.write(image, i * 1_000_000_000 // FPS)
+
     things = tuple(
-        AnnotatedObject(id=f"o{i}", name=name, kind="marker_box") for i, name in enumerate(boxes, 1)
+        AnnotatedObject(id=f"o{i}", name=name, kind="marker_box") for i, name in enumerate(("red", "blue"), 1)
     )
     events = tuple(
         Event(
@@ -84,7 +92,7 @@ def record(project: Path, n_frames: int) -> None:
     draft = Draft(
         manifest=manifest,
         layers=(Layer(objects=things, events=events),),
-        tables={"poses": TableData(data=pa.table(columns, schema=POSES.arrow))},
+        tables={"poses": TableData(data=poses(n_frames))},
         media={"color": film},
     )
     create_session(project / "session", draft)

@@ -51,7 +51,7 @@ def event_references(patient: Patient) -> Iterator[Finding]:
 def decisions(patient: Patient) -> Iterator[Finding]:
     """What was accepted is there."""
     for layer in patient.layers.values():
-        made = {item.id for item in (*layer.events, *layer.relations)}
+        made = {item.id for item in (*layer.events, *layer.relations, *layer.objects)}
         for decision in layer.decisions:
             if decision.verdict == "accepted" and decision.result not in made:
                 place = f"layer {layer.name}, decision about {decision.proposal}"

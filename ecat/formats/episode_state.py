@@ -28,6 +28,7 @@ HANDS = ("HandLeft", "HandRight")
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _DELTA = ("dx", "dy", "dz", "rx", "ry", "rz")
 _HOLD = "hold"
+_AT_ONCE = 4096
 
 Action: TypeAlias = Literal["next_pose", "delta", "next_state", "none"]
 Numbers: TypeAlias = tuple[Floats, tuple[str, ...]]
@@ -132,7 +133,7 @@ class States:
         """The state at moments (n,) in ascending order, of the parts that were asked for."""
         made: dict[str, Callable[[NDArray[np.int64]], Numbers]] = {
             "boxes": self.box_state,
-            "joints": self._joint_state,
+            "joints": lambda times: _piecewise(self._joint_state, times),
             "hands": self._hand_state,
         }
         parts = [made[part](times_ns) for part in PARTS if part in self._parts]
@@ -141,6 +142,12 @@ class States:
 
     def box_state(self, times_ns: NDArray[np.int64]) -> Numbers:
         """Position and orientation of every box in ``table``: metres, unit quaternion x, y, z, w."""
+        values, names = _piecewise(self._box_state, times_ns)
+        for first in range(3, len(names), len(POSE)):
+            values[:, first : first + 4] = same_side(values[:, first : first + 4])
+        return values, names
+
+    def _box_state(self, times_ns: NDArray[np.int64]) -> Numbers:
         names = tuple(f"{name}.{axis}" for name in self.boxes.values() for axis in POSE)
         if not self.boxes:
             return np.empty((len(times_ns), 0)), names
@@ -212,6 +219,12 @@ class States:
         around = times_ns[0] - self._sampling.within_ns, times_ns[-1] + self._sampling.within_ns
         start, end = np.searchsorted(self._frame_ns, around)
         return int(start), min(int(end) + 1, len(self._frame_ns))
+
+
+def _piecewise(read: Callable[[NDArray[np.int64]], Numbers], times_ns: NDArray[np.int64]) -> Numbers:
+    """The numbers at moments (n,), read for some of them at a time: tables are larger than what is taken of them."""
+    pieces = [read(times_ns[at : at + _AT_ONCE]) for at in range(0, len(times_ns), _AT_ONCE)]
+    return np.concatenate([values for values, _ in pieces]), pieces[0][1]
 
 
 def box_names(objects: Sequence[AnnotatedObject], ids: Iterable[str]) -> dict[str, str]:

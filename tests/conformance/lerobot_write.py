@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +38,13 @@ def episodes(source: Path, n: int) -> Iterator[list[dict[str, Any]]]:
         file = f"chunk-000/file-{episode[f'videos/{KEY}/file_index']:03d}.mp4"
         first = round(episode[f"videos/{KEY}/from_timestamp"] * 30)
         with av.open(str(source / "videos" / KEY / file)) as container:
-            images: list[Any] = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)][first:]
+            wanted = islice(container.decode(video=0), first, first + episode["length"])
+            images: list[Any] = [frame.to_ndarray(format="rgb24") for frame in wanted]
         mine = rows[episode["dataset_from_index"] : episode["dataset_to_index"]]
         yield [
             {name: np.array(row[name], np.float32) for name in VECTORS}
             | {KEY: image, "task": tasks.iloc[row["task_index"]].name}
-            for row, image in zip(mine, images, strict=False)
+            for row, image in zip(mine, images, strict=True)
         ]
 
 

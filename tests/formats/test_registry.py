@@ -54,8 +54,8 @@ def test_another_package_adds_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="unknown format 'elan'") as caught:
-        registry.find("elan")
+    with pytest.raises(UsageError, match="unknown format 'anvil'") as caught:
+        registry.find("anvil")
     assert ", ".join(known.name for known in registry.all_formats()) in caught.value.where
 
 

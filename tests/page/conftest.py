@@ -25,6 +25,7 @@ import pytest
 from ecat.model import AnnotatedObject, Layer
 from ecat.sample import sample_session
 from ecat.store import Session, create_session, open_session
+from tests.page.filming import filmed_session, open_filmed
 
 FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -223,5 +224,26 @@ def _note(window: Window, message: Any) -> None:
 def annotating(served: Served, window: Callable[..., Window]) -> Generator[Window]:
     """The blank session, opened; the page may not have complained of anything in the end."""
     made = window(served)
+    yield made
+    assert made.complaints == []
+
+
+@pytest.fixture(scope="session")
+def filmed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session with small videos whose images tell their number, some events, and what a machine proposes."""
+    return filmed_session(tmp_path_factory.mktemp("stage"))
+
+
+@pytest.fixture
+def filmed(served: Served, filmed_once: Path) -> Served:
+    """A copy of it on the running server."""
+    copy = shutil.copytree(filmed_once, served.path.with_name(f"{served.path.name}-filmed"))
+    return replace(served, path=Path(copy))
+
+
+@pytest.fixture
+def stage(filmed: Served, window: Callable[..., Window]) -> Generator[Window]:
+    """The filmed session with its videos ready, opened."""
+    made = open_filmed(window, filmed)
     yield made
     assert made.complaints == []

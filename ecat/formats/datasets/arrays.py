@@ -35,7 +35,9 @@ class ArrayFile(AbstractContextManager["ArrayFile"]):
 
     def write(self, rows: NDArray[np.generic]) -> None:
         """Append rows (n, ...)."""
-        rows = np.ascontiguousarray(rows, self._dtype).reshape(-1, *self._shape)
+        rows = np.ascontiguousarray(rows, self._dtype)
+        if rows.shape[1:] != self._shape:
+            raise ValueError(f"expected rows of {self._shape}, found {rows.shape[1:]}")
         self._rows += len(rows)
         self._file.write(rows.tobytes())
 

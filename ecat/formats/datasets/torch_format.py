@@ -107,7 +107,7 @@ def write_part(
         raise InputError(
             f"cannot export {label}",
             where="there is no episode in it",
-            fix="ecat formats torch explains the options",
+            fix="ecat formats NAME explains the options",
         )
     _finish(dest, about, rows, options)
     return plan.findings

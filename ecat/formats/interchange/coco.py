@@ -32,7 +32,17 @@ from ecat.formats.interchange.documents import (
 )
 from ecat.formats.interchange.found import Found, FoundObject, FoundShape
 from ecat.formats.interchange.reading import Reading
-from ecat.formats.interchange.shapes import UNLABELLED, Numbers, absences, area_of, box_around, shapes
+from ecat.formats.interchange.shapes import (
+    TYPED,
+    Numbers,
+    absences,
+    area_of,
+    box_around,
+    is_typed,
+    label_of,
+    shapes,
+    type_of,
+)
 from ecat.formats.interchange.source import PixelOptions, Source, counted, shape_kind, source_of
 from ecat.formats.options import option
 from ecat.model import AnnotatedObject
@@ -79,7 +89,7 @@ def part(
 
 def _category(thing: AnnotatedObject) -> Category:
     keypoints = ("point",) if shape_kind(thing) == "point" else ()
-    return Category(thing.semantic_type or UNLABELLED, keypoints)
+    return Category(label_of(thing), keypoints)
 
 
 def _drawn(thing: AnnotatedObject, end: int) -> Iterator[tuple[int, Annotation]]:
@@ -129,6 +139,7 @@ def _pieces(source: Source, things: Sequence[coco_tables.Thing]) -> Iterator[str
             "category_id": numbers[category],
             "name": thing.name,
             "object": thing.id,
+            **({TYPED: True} if is_typed(thing) else {}),
         }
         for number, (thing, _, category) in enumerate(things, 1)
     )
@@ -211,6 +222,7 @@ class _Track:
     id: int
     name: Text = ""
     object: Text = ""
+    typed: bool = False
 
 
 @dataclass
@@ -278,7 +290,7 @@ def _fill(
     for (category, track, copy), run in runs.items():
         label = names.get(category, f"category {category}")
         kind, coordinates = _run(run)
-        record = _record(kind, "" if label == UNLABELLED else label, tracks.get(track or -1), copy)
+        record = _record(kind, label, tracks.get(track or -1), copy)
         keys = absences(coordinates, listed)
         told = [FoundShape(frame=k.frame, coordinates=k.coordinates, present=k.present) for k in keys]
         found.objects.append(FoundObject(record=record, shapes=told, dense=True))
@@ -314,9 +326,12 @@ def _numbered(images: Sequence[_Image]) -> dict[int, _Image]:
 
 
 def _record(kind: ObjectKind, label: str, track: _Track | None, copy: int) -> AnnotatedObject:
-    name = (track.name if track is not None else "") or label
-    key = (track.object if track is not None else "") or f"{label or UNLABELLED} {copy}"
-    return AnnotatedObject(id=key, name=name, kind=kind, semantic_type=label)
+    if track is None:
+        return AnnotatedObject(id=f"{label} {copy}", name=label, kind=kind, semantic_type=label)
+    made = type_of(label, track.name, typed=track.typed)
+    return AnnotatedObject(
+        id=track.object or f"{label} {copy}", name=track.name, kind=kind, semantic_type=made
+    )
 
 
 def _shape(annotation: _Annotation) -> tuple[ObjectKind, Numbers] | None:

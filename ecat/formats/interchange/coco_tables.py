@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ecat.formats.interchange.shapes import UNLABELLED, area_of, box_around
+from ecat.formats.interchange.shapes import area_of, box_around, label_of
 from ecat.model import AnnotatedObject, Layer
 from ecat.model.skeleton import BONES
 from ecat.store import Session
@@ -54,10 +54,10 @@ def with_tables(session: Session, layer: Layer, drawn: Sequence[Thing]) -> list[
     found = {thing.id: (thing, annotations, category) for thing, annotations, category in drawn}
     for thing in layer.objects:
         if _tells(session, "tracks_2d", thing.id):
-            category = Category(thing.semantic_type or UNLABELLED)
+            category = Category(label_of(thing))
             found[thing.id] = (thing, _tracked(session, thing.id), category)
         elif thing.id not in found and _tells(session, "markers_2d", thing.id):
-            category = Category(thing.semantic_type or UNLABELLED)
+            category = Category(label_of(thing))
             found[thing.id] = (thing, _faces(session, thing.id), category)
         elif thing.kind == "rig" and (joints := _joints(session, thing.id)):
             category = Category(thing.semantic_type or "person", joints)

@@ -28,7 +28,7 @@ from ecat.formats.interchange import cvat_read
 from ecat.formats.interchange.cvat_read import ID, NAME_ATTRIBUTE, TIER
 from ecat.formats.interchange.facts import told
 from ecat.formats.interchange.reading import Reading
-from ecat.formats.interchange.shapes import UNLABELLED, Numbers, straight
+from ecat.formats.interchange.shapes import TYPED, UNLABELLED, Numbers, is_typed, label_of, straight
 from ecat.formats.interchange.source import PixelOptions, Source, counted, shape_kind, source_of
 from ecat.formats.options import option
 from ecat.model import AnnotatedObject, Event, KeyFrame
@@ -128,7 +128,7 @@ def _head(
     labels: dict[tuple[str, bool], dict[str, None]] = {}
     for thing in drawn:
         names = dict.fromkeys(name for name, _ in _about(thing))
-        labels.setdefault((_label(thing.semantic_type), False), {}).update(names)
+        labels.setdefault((label_of(thing), False), {}).update(names)
     for event in source.events if said else ():
         labels.setdefault((_label(event.type), True), {}).update(dict.fromkeys(said[event.id]))
     for (label, is_tag), names in labels.items():
@@ -158,12 +158,13 @@ def _label(kind: str) -> str:
 def _about(thing: AnnotatedObject) -> list[tuple[str, str]]:
     """What is said of an object as attributes of its track."""
     properties = [(p.name, p.value) for p in thing.properties]
-    return [(ID, thing.id), *([(NAME_ATTRIBUTE, thing.name)] if thing.name else []), *properties]
+    name = [(NAME_ATTRIBUTE, thing.name)] if thing.name else []
+    return [(ID, thing.id), *name, *([(TYPED, "true")] if is_typed(thing) else []), *properties]
 
 
 def _tracks(drawn: Sequence[AnnotatedObject]) -> Iterator[str]:
     for number, thing in enumerate(drawn):
-        yield f'  <track id="{number}" label={quoteattr(_label(thing.semantic_type))} source="manual">'
+        yield f'  <track id="{number}" label={quoteattr(label_of(thing))} source="manual">'
         shape: Numbers = ()
         for key in straight(thing):
             if not shape and not key.present:

@@ -11,7 +11,7 @@ from ecat.errors import FormatError
 from ecat.formats.ecat2018.xml_input import Element, iterparse_safe, place, required_attribute
 from ecat.formats.interchange.documents import head_of
 from ecat.formats.interchange.found import Found, FoundEvent, FoundObject, FoundShape, Frames
-from ecat.formats.interchange.shapes import UNLABELLED, Numbers
+from ecat.formats.interchange.shapes import TYPED, UNLABELLED, Numbers, type_of
 from ecat.formats.interchange.source import counted
 from ecat.formats.interchange.times import MOST_FRAMES
 from ecat.model import AnnotatedObject, Foreign, Property
@@ -117,12 +117,13 @@ def _add(
     found: Found, label: str, kind: ObjectKind, said: Mapping[str, str], shapes: list[FoundShape]
 ) -> None:
     """An object; attributes other than its id and name are properties."""
-    own = {ID, NAME_ATTRIBUTE}
+    own = {ID, NAME_ATTRIBUTE, TYPED}
+    name = said.get(NAME_ATTRIBUTE, "")
     record = AnnotatedObject(
         id=said.get(ID) or f"shape {len(found.objects)}",
-        name=said.get(NAME_ATTRIBUTE, ""),
+        name=name,
         kind=kind,
-        semantic_type="" if label == UNLABELLED else label,
+        semantic_type=type_of(label, name, typed=TYPED in said),
         properties=tuple(Property(name=n, value=value) for n, value in said.items() if n not in own),
     )
     found.objects.append(FoundObject(record=record, shapes=shapes))
@@ -136,7 +137,7 @@ def _changing(track: Element) -> set[str]:
         for name, value in _attributes(element).items():
             if values.setdefault(name, value) != value:
                 found.add(name)
-    return found - {ID, NAME_ATTRIBUTE}
+    return found - {ID, NAME_ATTRIBUTE, TYPED}
 
 
 def _attributes(element: Element) -> dict[str, str]:

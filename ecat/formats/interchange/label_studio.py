@@ -31,7 +31,7 @@ from ecat.formats.interchange.documents import (
 from ecat.formats.interchange.facts import ROLE, joined
 from ecat.formats.interchange.found import Found, FoundEvent, FoundObject, FoundShape, Frames
 from ecat.formats.interchange.reading import Reading
-from ecat.formats.interchange.shapes import UNLABELLED, straight
+from ecat.formats.interchange.shapes import TYPED, UNLABELLED, is_typed, label_of, straight, type_of
 from ecat.formats.interchange.source import PixelOptions, Source, counted, source_of
 from ecat.formats.interchange.times import from_counted, from_seconds, to_counted, to_seconds
 from ecat.model import AnnotatedObject, Event
@@ -97,7 +97,7 @@ def _config(source: Source) -> str:
     tiers: dict[str, dict[str, None]] = {}
     for event in source.events:
         tiers.setdefault(event.tier or _NO_TIER, {})[event.type or UNLABELLED] = None
-    types = dict.fromkeys(thing.semantic_type or UNLABELLED for thing in source.drawn("rectangle"))
+    types = dict.fromkeys(map(label_of, source.drawn("rectangle")))
 
     def labels(names: Mapping[str, None]) -> str:
         return "".join(f"<Label value={quoteattr(name)}/>" for name in names)
@@ -137,6 +137,9 @@ def _box(source: Source, thing: AnnotatedObject, size: tuple[int, int]) -> objec
                     "time": to_seconds(source.times.ns(frame)),
                 }
             )
+    meta: dict[str, object] = {"text": [thing.name]} if thing.name else {}
+    if is_typed(thing):
+        meta[TYPED] = True
     return {
         "id": thing.id,
         "type": "videorectangle",
@@ -149,9 +152,9 @@ def _box(source: Source, thing: AnnotatedObject, size: tuple[int, int]) -> objec
             "framesCount": source.end,
             "duration": to_seconds(source.times.ns(source.end)),
             "sequence": sequence,
-            "labels": [thing.semantic_type or UNLABELLED],
+            "labels": [label_of(thing)],
         },
-        **({"meta": {"text": [thing.name]}} if thing.name else {}),
+        **({"meta": meta} if meta else {}),
     }
 
 
@@ -229,6 +232,7 @@ class _Value:
 @dataclass
 class _Meta:
     text: list[Text] | Text = ""
+    typed: bool = False
 
 
 @dataclass
@@ -337,12 +341,12 @@ def _add_object(found: Found, objects: dict[str, FoundObject], region: _Region) 
         found.duration_ns = from_seconds(value.duration)
     if region.original_width and region.original_height:
         found.size_px = region.original_width, region.original_height
-    kind = value.labels[0] if value.labels else ""
+    name = _note(region)
     record = AnnotatedObject(
         id=region.id or f"region {len(objects)}",
-        name=_note(region),
+        name=name,
         kind="rectangle",
-        semantic_type="" if kind == UNLABELLED else kind,
+        semantic_type=type_of("; ".join(value.labels[:1]), name, typed=region.meta.typed),
     )
     objects[record.id] = FoundObject(record=record, shapes=list(_shapes(value.sequence)), per_cent=True)
 

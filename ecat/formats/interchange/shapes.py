@@ -11,7 +11,9 @@ from typing import TypeAlias
 from ecat.model import AnnotatedObject, KeyFrame
 
 UNLABELLED = "unlabelled"
-"""The label of what has no type, where a label is wanted."""
+"""The label of what has neither type nor name, where a label is wanted."""
+TYPED = "typed"
+"""Said of an object whose type is its name, which the label alone would not tell."""
 Numbers: TypeAlias = tuple[float, ...]
 Slopes: TypeAlias = tuple[float, float]
 _STRAIGHT_PX = 1e-5
@@ -124,6 +126,21 @@ def _passes(slopes: Sequence[Slopes], last: KeyFrame, following: KeyFrame) -> bo
     steps = following.frame - last.frame
     pairs = zip(last.coordinates, following.coordinates, slopes, strict=True)
     return all(least <= (b - a) / steps <= most for a, b, (least, most) in pairs)
+
+
+def label_of(thing: AnnotatedObject) -> str:
+    """What programs that sort things by labels sort an object under: its type, else its name."""
+    return thing.semantic_type or thing.name or UNLABELLED
+
+
+def is_typed(thing: AnnotatedObject) -> bool:
+    """Whether :data:`TYPED` has to be said of an object."""
+    return bool(thing.semantic_type) and thing.semantic_type in {thing.name, UNLABELLED}
+
+
+def type_of(label: str, name: str, *, typed: bool) -> str:
+    """The type of an object, given its label and name."""
+    return label if typed or label not in {name, UNLABELLED} else ""
 
 
 def box_around(points: Sequence[float]) -> tuple[float, float, float, float]:

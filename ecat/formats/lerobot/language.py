@@ -20,7 +20,7 @@ from ecat.formats.episodes import Episode, Subtask
 
 Gaps: TypeAlias = Literal["hold", "task", "none"]
 PERSISTENT, EVENTS = "language_persistent", "language_events"
-MAX_ENTRIES = 5_000_000
+MAX_ENTRIES = 2_000_000
 """Of one episode, over all its rows: every row repeats all entries."""
 
 _COMMON = (("role", False), ("content", True), ("style", True))

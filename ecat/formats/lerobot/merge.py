@@ -78,7 +78,7 @@ def merge(parts: Sequence[Part], dest: Path, options: LeRobotOptions, progress: 
         how = _how(kept, options)
         write_json(dest / MADE, how)
         write_new_file(dest / "README.md", [card.text(shape, writer, options, test).encode()])
-    progress("", len(kept), len(kept))
+    progress("joined", len(kept), len(kept))
     return (*findings, *_incomplete(kept, shape))
 
 

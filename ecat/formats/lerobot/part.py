@@ -21,7 +21,7 @@ from ecat.formats.lerobot.layout import Layout, View, video_key
 from ecat.formats.lerobot.options import LeRobotOptions
 from ecat.formats.lerobot.recorded import Camera
 from ecat.formats.lerobot.video import LONGEST_S
-from ecat.model import Stream
+from ecat.model import Layer, Stream
 from ecat.progress import Progress
 from ecat.stages.resample import filled
 from ecat.store import Session, files
@@ -75,7 +75,7 @@ def write_part(
         writer.finish({"train": f"0:{len(plan)}"})
     progress(label, len(plan), len(plan))
     write_json(dest / MADE, {"video": _choices(cameras), "worst_offset_s": _seconds(notes.off_ns)})
-    return (*plan.findings, *dropped, *_findings(notes, cameras))
+    return (*plan.findings, *dropped, *_findings(notes, cameras), *_left_behind(session, plan.layer))
 
 
 def _streams(plan: Plan, options: LeRobotOptions, dropped: list[str]) -> Iterator[Stream]:
@@ -185,6 +185,22 @@ def _findings(notes: _Notes, cameras: Mapping[str, Camera]) -> Iterator[str]:
         yield f"{notes.unheard} sub-events lie between two moments and are left out"
     if notes.long:
         yield f"{notes.long} episodes last longer than {LONGEST_S} s: lerobot may refuse their last images"
+
+
+def _left_behind(session: Session, layer: Layer) -> Iterator[str]:
+    """What people said or a machine recorded, and LeRobot has no place for."""
+    shapes = sum(len(thing.key_frames) + len(thing.key_frames_3d) for thing in layer.objects)
+    others = Counter(stream.kind for stream in session.manifest.streams if stream.present)
+    counts = {
+        "relations": len(layer.relations),
+        "links between events": sum(len(event.links) for event in layer.events),
+        "roles": sum(len(event.roles) for event in layer.events),
+        "shapes drawn by people": shapes,
+        "sound recordings": others["audio"],
+        "inertial sensors": others["imu"],
+    }
+    if left := [f"{n} {what}" for what, n in counts.items() if n]:
+        yield f"LeRobot has no place for: {', '.join(left)}"
 
 
 def require_options(options: LeRobotOptions) -> None:

@@ -80,7 +80,7 @@ def test_the_document_is_of_the_form_that_cvat_reads(tmp_path: Path) -> None:
     assert root.findtext("meta/task/size") == "90"
     assert root.findtext("meta/task/original_size/width") == "640"
     (track,) = root.findall("track")
-    assert track.get("label") == "unlabelled"
+    assert track.get("label") == "Shell"
     boxes = [(b.get("frame"), b.get("outside"), b.get("xtl"), b.get("xbr")) for b in track]
     assert boxes == [("0", "0", "1", "4"), ("5", "0", "2", "5"), ("9", "1", "2", "5")]
     declared = {a.findtext("name") for a in root.iterfind("meta/task/labels/label/attributes/attribute")}

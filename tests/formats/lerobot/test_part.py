@@ -108,7 +108,7 @@ def test_video_is_encoded_anew_where_it_does_not_fit(export: Export) -> None:
     found = export(Recording(actions=(ODD,)), crf="10")
     assert found.how["video"][COLOR]["episodes_encoded"] == 1
     why = "the episode does not begin with a key frame of the recording"
-    assert found.findings == (f"stream color: 1 episodes were encoded anew: {why}",)
+    assert f"stream color: 1 episodes were encoded anew: {why}" in found.findings
     assert brightness(found.images(COLOR)) == pytest.approx([grey(f) for f in range(17, 40)], abs=3)
 
 
@@ -206,6 +206,10 @@ def test_a_stream_without_an_image_near_goes_on_with_the_one_before(export: Expo
     assert (images[0] == codes(0.001)[depth_mm(0)]).all()
     assert len(images) == 60
     assert found.how["clock"]["worst_offset_s"]["depth"] < 0.11
+
+
+def test_what_has_no_place_is_counted(export: Export) -> None:
+    assert export(Recording()).findings == ("LeRobot has no place for: 4 roles",)
 
 
 def test_sub_events_are_in_the_official_columns(export: Export) -> None:
@@ -311,6 +315,22 @@ def test_a_recording_that_breaks_off_is_one_typed_error(tmp_path: Path, encode: 
     with pytest.raises((CorruptError, InputError), match="cannot"):
         formats.export(session.path, tmp_path / "out", format="lerobot", options={"encode": encode})
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("clock", "sentence"),
+    [
+        ("nearest", "those of the recorded frame nearest in time"),
+        ("images", "each image of the annotated video"),
+    ],
+)
+def test_the_card_says_how_the_data_were_made(export: Export, clock: str, sentence: str) -> None:
+    found = export(Recording(views=("color", "depth")), clock=clock)
+    text = (found.root / "README.md").read_text()
+    assert text.startswith("---\ntask_categories:\n- robotics\n")
+    assert "1 episodes of people handling objects, 30 moments at 30 Hz, 1 tasks" in text
+    assert sentence in text
+    assert "Depth has 12 bits" in text
 
 
 def _decoded(path: Path) -> list[np.ndarray]:
