@@ -31,7 +31,7 @@ from ecat.geometry.transforms import Floats
 from ecat.model.prototype import FACES, NOMINAL_BOXES, BoxPrototype, nominal_face
 from ecat.sample import ACTIONS, sample_session
 from ecat.sample.pixels import Renderer
-from ecat.stages.track import Tracker, TrackParameters
+from ecat.stages.tracker import Tracker, TrackParameters
 from tests.geometry.printed import Print, exposed, paint, random_ring, wall
 
 Grey = NDArray[np.uint8]

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ecat.errors import LimitError
 from ecat.formats.format import Format
 from ecat.formats.interchange import coco_tables
 from ecat.formats.interchange.coco_tables import Annotation, Category, box_annotation
@@ -52,6 +53,8 @@ from ecat.store import Session, write_new_file
 
 NAME = "coco"
 CARRIES = frozenset({"rectangle", "polygon", "point", "absence", "object type"})
+MOST_IMAGES = 5_000_000
+"""Two days at thirty a second."""
 _VIDEO = 1
 _MOST = 1e9
 
@@ -69,9 +72,21 @@ class CocoOptions(PixelOptions):
 def part(
     session: Session, label: str, dest: Path, options: CocoOptions, progress: Progress
 ) -> tuple[str, ...]:
-    """Write the shapes of one session, in memory that does not grow with its length."""
+    """Write the shapes of one session, in memory that does not grow with its length.
+
+    Raises
+    ------
+    LimitError : more images than anybody lists.
+    """
     del progress
     source = source_of(session, label, options)
+    if source.end > MOST_IMAGES:
+        raise LimitError(
+            f"cannot write {label} for COCO",
+            where=f"{source.end:,} images, each of which would be listed; at most {MOST_IMAGES:,} are",
+            consequence="nothing was written",
+            fix="write the recording in parts",
+        )
     drawn = source.drawn("rectangle", "polygon", "point")
     things = [(thing, _drawn(thing, source.end), _category(thing)) for thing in drawn]
     if options.tracked:

@@ -10,11 +10,12 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TypeAlias
 from urllib.parse import unquote
 
-from ecat.errors import FormatError
+from ecat.errors import FormatError, LimitError
+from ecat.formats.episodes import chosen_layer
 from ecat.formats.format import ImportOptions, ImportReport
 from ecat.formats.interchange.found import Found
 from ecat.formats.interchange.making import layer_of
-from ecat.formats.interchange.source import layer_name, listed, scheme_at_hand, size_of
+from ecat.formats.interchange.source import listed, scheme_at_hand, size_of
 from ecat.formats.interchange.times import (
     MOST_FRAMES,
     NOMINAL_HZ,
@@ -65,6 +66,12 @@ class Reading:
         """
         del options
         recordings = self.parse(source)
+        if len(recordings) > MOST_RECORDINGS:
+            raise LimitError(
+                f"cannot import {source.name}",
+                where=f"it is about {len(recordings):,} recordings, at most {MOST_RECORDINGS:,} are imported at once",
+                fix="split the file",
+            )
         with staged_path(dest) as place:
             if len(recordings) == 1:
                 findings = self._make(source, recordings[0], place, dest.resolve().name, progress)
@@ -85,9 +92,9 @@ class Reading:
         if followed is None:
             found = replace(found, scheme_name="")
         layer, findings = _layer(found, session, what, _objects(session))
-        if followed is None and found.scheme is not None:
-            kinds = ", ".join(kind.name for kind in found.scheme.event_types)
-            findings += (f"the vocabulary of the file was not made a coding scheme: {kinds[:200]}",)
+        unknown = [] if found.scheme is None else _unknown(session, found.scheme)
+        if followed is None and unknown:
+            findings += (f"types that no coding scheme of the session has: {listed(unknown)}",)
         return layer, findings
 
     # ---------------------------------------------------------------------------------------- new sessions
@@ -183,9 +190,17 @@ def _objects(session: Session) -> list[AnnotatedObject]:
     names = [record.name for record in session.manifest.layers]
     if not names:
         return []
-    first = layer_name(session)
+    first = chosen_layer(session).name
     ordered = [first, *(name for name in names if name != first)]
     return [thing for name in ordered for thing in session.layer(name).objects]
+
+
+def _unknown(session: Session, scheme: CodingScheme) -> list[str]:
+    """The types that no coding scheme of the session's layers has."""
+    followed = {session.layer(record.name).scheme for record in session.manifest.layers}
+    schemes = [found for name in followed if (found := scheme_at_hand(session, name)) is not None]
+    known = {kind.name for other in schemes for kind in other.event_types}
+    return [kind.name for kind in scheme.event_types if kind.name not in known]
 
 
 # ---------------------------------------------------------------------------------------------- media and clock

@@ -7,20 +7,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePosixPath
 
-from ecat.errors import EcatError, NotFoundError
+from ecat.errors import EcatError
+from ecat.formats.episodes import chosen_layer
 from ecat.formats.interchange.facts import labels_of
 from ecat.formats.interchange.leftovers import left_behind
 from ecat.formats.interchange.times import NOMINAL_HZ, FrameTimes, times_of
 from ecat.formats.options import option
 from ecat.model import AnnotatedObject, CodingScheme, Event, Layer, Manifest
-from ecat.model.annotation import MACHINE
 from ecat.model.document import span
 from ecat.store import Session
 from ecat.store.media import annotated_stream
 from ecat.store.schemes import find_scheme
-
-LIKELY = ("gold", "main")
-"""The layers that are meant if nothing is said, the first that is there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,8 +166,7 @@ def source_of(session: Session, label: str, options: LayerOptions) -> Source:
     ------
     NotFoundError : there is no such layer, or none at all.
     """
-    name = layer_name(session, options.layer)
-    layer = session.layer(name)
+    layer = chosen_layer(session, options.layer)
     return Source(
         session=session,
         label=label,
@@ -179,27 +175,6 @@ def source_of(session: Session, label: str, options: LayerOptions) -> Source:
         times=times_of(session, options.fps),
         scheme=scheme_at_hand(session, layer.scheme),
     )
-
-
-def layer_name(session: Session, wanted: str = "") -> str:
-    """The layer that is meant: ``wanted``, else the first of :data:`LIKELY`, of a person, of anybody.
-
-    Raises
-    ------
-    NotFoundError : there is none.
-    """
-    names = [record.name for record in session.manifest.layers]
-    if wanted and wanted in names:
-        return wanted
-    if wanted or not names:
-        raise NotFoundError(
-            f"cannot find the annotation of {session.path.name}",
-            where=f"{session.path}: the layers are: {', '.join(names) or 'none'}",
-            consequence="nothing was written",
-            fix="name one of them: --option layer=NAME" if names else "ecat annotate makes one",
-        )
-    people = [name for name in names if name != MACHINE]
-    return next((name for name in (*LIKELY, *people) if name in names), names[0])
 
 
 def scheme_at_hand(session: Session, name: str) -> CodingScheme | None:

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from ecat.errors import LimitError
+from ecat.formats.interchange import coco
 from ecat.formats.interchange.coco import FORMAT
 from ecat.model import AnnotatedObject, KeyFrame, Layer
 from ecat.model.shapes import shape_at
@@ -22,9 +24,9 @@ from tests.formats.interchange.layers import base_session
 
 def opened(path: Path) -> Any:
     """The file in pycocotools, which talks while it reads."""
-    coco: Any = pytest.importorskip("pycocotools.coco")
+    library: Any = pytest.importorskip("pycocotools.coco")
     with contextlib.redirect_stdout(io.StringIO()):
-        return coco.COCO(str(path))
+        return library.COCO(str(path))
 
 
 @pytest.fixture(scope="module")
@@ -102,3 +104,10 @@ def test_a_point_is_one_key_point(tmp_path: Path) -> None:
     FORMAT.part(session, "s", tmp_path / "a.json", FORMAT.options(), silent)
     first = json.loads((tmp_path / "a.json").read_text())["annotations"][0]
     assert (first["image_id"], first["keypoints"], first["num_keypoints"]) == (4, [5, 6, 2], 1)
+
+
+def test_more_images_than_anybody_lists_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coco, "MOST_IMAGES", 50)
+    assert FORMAT.part is not None
+    with pytest.raises(LimitError, match="90 images"):
+        FORMAT.part(base_session(tmp_path, "uniform"), "s", tmp_path / "a.json", FORMAT.options(), silent)

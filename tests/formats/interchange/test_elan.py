@@ -15,12 +15,15 @@ from ecat.model import Event, Layer, Link, Role, Segment
 from ecat.model.scheme import CodingScheme, EventType, Tier
 from ecat.progress import silent
 from ecat.sample import sample_session
-from ecat.store import Session, create_session
+from ecat.store import Session, create_session, open_session
 from ecat.store.schemes import write_scheme
 from tests.formats.interchange.documents import EAF
 from tests.formats.interchange.layers import base_session, there_and_back
 
-pympi: Any = pytest.importorskip("pympi")
+
+def opened(path: Path) -> Any:
+    """The file in pympi."""
+    return pytest.importorskip("pympi").Elan.Eaf(str(path))
 
 
 @pytest.fixture
@@ -112,7 +115,7 @@ class TestWritingForElan:
         session = create_session(tmp_path / "s", draft)
         assert FORMAT.part is not None
         FORMAT.part(session, "s", tmp_path / "a.eaf", FORMAT.options(), silent)
-        return pympi.Elan.Eaf(str(tmp_path / "a.eaf"))
+        return opened(tmp_path / "a.eaf")
 
     def test_it_reads_every_annotation(self, eaf: Any, tmp_path: Path) -> None:
         draft, _ = sample_session(seed=3)
@@ -147,6 +150,14 @@ class TestWritingForElan:
         (media,) = eaf.get_linked_files()
         assert media["RELATIVE_MEDIA_URL"].startswith("./rgb_")
 
+    def test_what_it_writes_again_is_read_the_same(self, eaf: Any, tmp_path: Path) -> None:
+        session = open_session(tmp_path / "s")
+        eaf.to_file(str(tmp_path / "again.eaf"))
+        assert FORMAT.read_layer is not None
+        mine, _ = FORMAT.read_layer(tmp_path / "a.eaf", session)
+        again, _ = FORMAT.read_layer(tmp_path / "again.eaf", session)
+        assert sorted(again.events, key=lambda e: e.id) == sorted(mine.events, key=lambda e: e.id)
+
 
 def event(number: int, start: int, end: int, **more: Any) -> Event:
     return Event(id=f"a{number}", segments=(Segment(start_frame=start, end_frame=end),), **more)
@@ -167,7 +178,7 @@ def test_parts_that_fill_their_whole_divide_it_and_share_its_time_slots(tmp_path
     scheme = CodingScheme(name="phases", tiers=tiers, event_types=kinds)
     write_scheme(scheme, session.path / "annotations" / "phases.scheme.xml")
     again, _ = there_and_back(FORMAT, session, tmp_path)
-    eaf = pympi.Elan.Eaf(str(tmp_path / "file.eaf"))
+    eaf = opened(tmp_path / "file.eaf")
     kind = eaf.get_parameters_for_linguistic_type("phase (Time_Subdivision)")
     assert kind["CONSTRAINTS"] == "Time_Subdivision"
     assert len(eaf.timeslots) == 3
@@ -182,7 +193,7 @@ def test_a_part_outside_of_its_whole_says_whose_part_it_is(tmp_path: Path) -> No
     session = base_session(tmp_path, "uniform", layer)
     again, _ = there_and_back(FORMAT, session, tmp_path)
     assert [e.parent for e in again.events] == [None, "a1"]
-    assert "parent@(no tier) #2" in pympi.Elan.Eaf(str(tmp_path / "file.eaf")).tiers
+    assert "parent@(no tier) #2" in opened(tmp_path / "file.eaf").tiers
 
 
 def test_roles_called_like_a_fact_do_not_take_its_place(tmp_path: Path) -> None:

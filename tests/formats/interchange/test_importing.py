@@ -13,9 +13,9 @@ import pytest
 from ecat.annotate import Editor, operations_from_list
 from ecat.check import check
 from ecat.cli import main
-from ecat.errors import EcatError, ExistsError, FormatError, NotFoundError, UsageError
+from ecat.errors import ExistsError, FormatError, LimitError, NotFoundError, UsageError
 from ecat.formats import export, import_layer, import_source, registry
-from ecat.formats.interchange import making
+from ecat.formats.interchange import making, reading
 from ecat.model import Layer
 from ecat.sample import sample_session
 from ecat.store import Session, create_session, find_sessions, open_session, validate
@@ -134,9 +134,8 @@ class TestALayerOfASessionThatIsThere:
         self, files: dict[str, Path], session: Session, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(making, "MOST_EVENTS", 3)
-        with pytest.raises(EcatError, match="cannot import") as caught:
+        with pytest.raises(LimitError, match="more than 3 events"):
             import_layer(files["elan"], session.path, layer="ann")
-        assert type(caught.value).__name__ == "LimitError"
 
 
 class TestANewSession:
@@ -188,6 +187,14 @@ class TestANewSession:
         assert report.sessions == 2
         assert [path.name for path in find_sessions(tmp_path / "project")] == ["live", "take"]
         assert len(open_session(tmp_path / "project" / "take").layer().events) == 4
+
+    def test_more_recordings_than_anybody_has_are_refused(
+        self, files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(reading, "MOST_RECORDINGS", 1)
+        with pytest.raises(LimitError, match="it is about 2 recordings"):
+            import_source(files["boris"], tmp_path / "project")
+        assert not (tmp_path / "project").exists()
 
     def test_nothing_is_left_where_the_file_cannot_be_read(
         self, files: dict[str, Path], tmp_path: Path
