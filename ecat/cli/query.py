@@ -26,7 +26,6 @@ _WIDEST = 60
         "ecat query my_project --tables",
         'ecat query my_project "select type, count(*) from events group by type"',
         'ecat query my_project "select session, avg(sigma_m) from poses group by session" --to sigma.csv',
-        "ecat query my_project - < question.sql",
     ),
 )
 @click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")

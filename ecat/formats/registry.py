@@ -58,11 +58,18 @@ _OWN = {
 @cache
 def all_formats() -> tuple[Format, ...]:
     """Every format, in the order of their names.  Ecat's own are there even if it runs from a bare checkout."""
-    modules = _OWN | {point.name: point.value for point in entry_points(group=GROUP)}
-    return tuple(_load(name, modules[name]) for name in sorted(modules))
+    return tuple(load(name, value) for name, value in sorted(places().items()))
 
 
-def _load(name: str, value: str) -> Format:
+@cache
+def places() -> dict[str, str]:
+    """Where each format is: ``module:NAME`` by its name."""
+    return _OWN | {point.name: point.value for point in entry_points(group=GROUP)}
+
+
+@cache
+def load(name: str, value: str) -> Format:
+    """The format that ``module:NAME`` is; of another package one that says why it cannot be loaded."""
     module, _, attribute = value.partition(":")
     try:
         return getattr(import_module(module), attribute or "FORMAT")
@@ -73,16 +80,15 @@ def _load(name: str, value: str) -> Format:
 
 
 def find(name: str) -> Format:
-    """The format called ``name``.
+    """The format called ``name``; no other one is loaded.
 
     Raises
     ------
     UsageError : there is none; the message lists those there are.
     """
-    for known in all_formats():
-        if known.name == name:
-            return known
-    names = ", ".join(known.name for known in all_formats())
+    if name in places():
+        return load(name, places()[name])
+    names = ", ".join(sorted(places()))
     raise UsageError(f"unknown format {name!r}", where=f"known formats: {names}", fix="ecat formats")
 
 

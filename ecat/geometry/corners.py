@@ -33,7 +33,7 @@ _PLACES = np.linspace(-0.5, 0.5, 12, dtype=np.float32)
 _POWERS = np.stack([np.ones_like(_PLACES), _PLACES, _PLACES**2], 1)
 # columns of a map that OpenCV's remap takes at once
 _COLUMNS = 32_000
-# the steps of a profile are numbered by so many bits, and a step of 255 grey levels still is an int16 above them
+# so many bits number the steps of a profile; above them, a step of 255 grey levels still fits into an int16
 _BITS = 7
 # a least-squares parabola through five equally spaced values: slope and half the curvature, per step
 _FIVE = np.arange(5)[:, None]
@@ -188,7 +188,7 @@ class _Lines:
 
 @cache
 def _profile(half: int) -> tuple[Single, NDArray[np.int16]]:
-    """Where a profile is sampled (2 * half + 1, 1), in pixels; and the numbers of its steps, from the last to the first."""
+    """Where a profile is sampled (2 * half + 1, 1), in pixels; and its steps' numbers, from the last to the first."""
     across = (np.arange(-half, half + 1) * _STEP_PX).astype(np.float32)
     return across[:, None], np.arange(2 * half - 6, -1, -1, dtype=np.int16)[:, None]
 

@@ -23,11 +23,11 @@ _NEAR_PX = 1.0
 # the same for a face that was there before, so that it lies where it would if nothing were known of it
 _AGAIN_PX = 0.5
 _LEAST_SINE = 0.1
-# how far the cells of a face may be from those that were read, as the root of the sum of squares in units of the contrast:
-# one cell that is half black and half white is farther away, however blurred
+# how far the cells of a face may be from those that were read: root of the sum of squares, in units of the contrast.
+# One cell that is half black and half white is farther away, however blurred
 _SAME_LOOK = 0.3
-# a ring in the middle of a face, of at most this share of its area or around it and as much larger, is a part of what it
-# shows, or the edge of what it is printed on
+# a ring with its middle in a face and at most this share of its area is a part of it; one around a face that is as much
+# larger is the edge of what it is printed on
 _SMALLER = 0.6
 
 
@@ -62,8 +62,8 @@ class Found:
     """Faces of boxes in one image, (n,) each; ``box`` and ``face`` are indices.
 
     ``rings`` (n, 4, 2): pixels of the corners, clockwise on the screen, from the upright glyph's top left as the image
-    shows it; ``sigma_px`` (n, 4) their standard deviations.  ``likeness`` (n,), between -1 and 1, and ``look`` (n, cells)
-    are of the image in which it was last read, see :class:`Reading`.
+    shows it; ``sigma_px`` (n, 4) their standard deviations.  ``likeness`` (n,), between -1 and 1, and ``look``
+    (n, cells) are of the image in which the face was last read, see :class:`Reading`.
     """
 
     box: NDArray[np.intp]
@@ -208,30 +208,28 @@ class Detector:
         found = Found(
             faces.box, faces.face, seen.rings, seen.sigma_px, faces.likeness.copy(), faces.look.copy()
         )
-        book_of, glyph = self._places[faces.box, faces.face].T
-        for b, book in enumerate(self._books):
-            rows = np.flatnonzero(there & (book_of == b))
+        book = self._places[faces.box, faces.face, 0]
+        for b in range(len(self._books)):
+            rows = np.flatnonzero(there & (book == b))
             if rows.size:
-                there[rows] = self._shown(grey, seen, found, rows, glyph, book)
+                there[rows] = self._shown(grey, seen, found, rows, b)
         return found, there
 
     def _shown(
-        self,
-        grey: Several,
-        seen: Outlines,
-        found: Found,
-        rows: NDArray[np.intp],
-        glyph: NDArray[np.intp],
-        book: Codebook,
+        self, grey: Several, seen: Outlines, found: Found, rows: NDArray[np.intp], b: int
     ) -> NDArray[np.bool_]:
-        """Whether faces in these rows show what they should; what is read anew is noted in ``found``."""
-        at = slice(None) if len(rows) == len(found) else rows
+        """Whether the faces in these rows, all of the codebook ``b``, show what they should.
+
+        What has to be read anew is noted in ``found``.
+        """
+        book, at = self._books[b], slice(None) if len(rows) == len(found) else rows
         some = found[at]
         now = cell_values(grey[at], some.rings, book)
         shown = self._looks_the_same(now, some, book)
         other = rows[~shown]
         if other.size:
-            reading = read_codes(grey[other], seen[other], book, glyph[other])
+            glyph = self._places[found.box[other], found.face[other], 1]
+            reading = read_codes(grey[other], seen[other], book, glyph)
             found.likeness[other] = reading.likeness
             found.look[other, : now.shape[1]] = reading.look
             shown[~shown] = self._clear(found.rings[other], reading, book) & reading.certain

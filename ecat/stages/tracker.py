@@ -51,14 +51,14 @@ class TrackParameters:
     ----------
     prototypes : the boxes that are looked for.
     objects : the object that each of them is; by default as :func:`object_ids` names it.
-    every : the whole image is searched every so many frames.  What changes is searched anyway: this finds what appears so
-        slowly or so faintly that no tile changes, and bounds for how long it is missed.
+    every : the whole image is searched every so many frames.  What changes is searched anyway; this is for what appears
+        so faintly that no tile changes, which is missed for two seconds at most.
     together : so many frames are measured at once, and the last of them searched where something changed; what is found
-        there is followed back.
+        there is followed back.  A face that comes and goes in fewer, where none was seen before, can be missed.
     changed : grey levels by which the mean of a tile changes when something happens in it.
     reach_px : how far from where it is expected a face is measured without a search.
     sightings, within : a box is believed once it was seen in so many frames, among so many consecutive ones.
-    depth_m, depth_share : by how much the depth belonging a face may differ from the distance that its size tells: so many
+    depth_m, depth_share : by how much the depth inside a face may differ from the distance that its size tells: so many
         metres, plus this share of the distance.
     mirrored : whether images are left for right; as the camera has it if None.
     """

@@ -17,9 +17,12 @@ from ecat.formats import Format, import_source, registry
 
 @pytest.fixture(autouse=True)
 def fresh() -> Iterator[None]:
-    registry.all_formats.cache_clear()
+    caches = (registry.all_formats, registry.places, registry.load)
+    for cache in caches:
+        cache.cache_clear()
     yield
-    registry.all_formats.cache_clear()
+    for cache in caches:
+        cache.cache_clear()
 
 
 def test_ecat_s_own_formats_are_there_in_the_order_of_their_names() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from collections.abc import Callable
 from functools import cache
@@ -17,18 +19,19 @@ from tests.formats.interchange.documents import written
 from tests.formats.interchange.layers import Holding, base_session
 
 FORMATS = ("boris", "coco", "csv", "cvat-video", "elan", "epic-kitchens", "label-studio", "via", "vidat")
-_FOLDER = tempfile.TemporaryDirectory()
+_FOLDER = Path(tempfile.mkdtemp(prefix="ecat-fuzz-"))
+atexit.register(shutil.rmtree, _FOLDER, ignore_errors=True)
 
 
 @cache
 def _session() -> Session:
-    return base_session(Path(_FOLDER.name), "uniform", file="media/take.mp4")
+    return base_session(_FOLDER, "uniform", file="media/take.mp4")
 
 
 def reader(name: str) -> Callable[[bytes], None]:
     """Reads a file of a format into a session that is there, and looks at what came of it."""
     form = registry.find(name)
-    path = Path(_FOLDER.name) / f"{name}{form.suffix}"
+    path = _FOLDER / f"{name}{form.suffix}"
 
     def run(data: bytes) -> None:
         path.write_bytes(data)
@@ -46,7 +49,7 @@ def reader(name: str) -> Callable[[bytes], None]:
 def _write(form: Format, layer: Layer) -> None:
     """The format that was read is written again."""
     assert form.part is not None
-    dest = Path(_FOLDER.name) / "written"
+    dest = _FOLDER / "written"
     form.part(Holding(_session(), layer), "s", dest, form.options(), silent)
 
 

@@ -24,7 +24,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from itertools import count
 from typing import Literal
 
 from ecat.model import AnnotatedObject, Event, Link, Property, Role, TextPredicate, TextReference
@@ -113,12 +114,11 @@ def _properties(properties: Iterable[Property]) -> dict[str, str]:
     return found
 
 
-def numbered(name: str, taken: Iterable[str]) -> str:
+def numbered(name: str, taken: Container[str]) -> str:
     """``name``, or with a number where that is taken, or could be taken for a number."""
-    taken = set(taken)
     if name not in taken and plain_name(name) == name:
         return name
-    return next(made for n in range(1, len(taken) + 3) if (made := f"{name} #{n}") not in taken)
+    return next(made for n in count(1) if (made := f"{name} #{n}") not in taken)
 
 
 def plain_name(name: str) -> str:

@@ -11,12 +11,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from ecat.errors import LimitError
 from ecat.formats.interchange.facts import plain_name
 from ecat.model import Event
 
 Span: TypeAlias = tuple[int, int]
 NO_TIER = "(no tier)"
 """The lane of events that are on no tier."""
+MOST_DEPTH = 16
+"""Lanes below each other; ecat's own editor allows no more levels of sub-events."""
+MOST_LANES = 500
+"""Of one tier; more events do not happen at one time."""
 
 
 @dataclass(eq=False, slots=True)
@@ -28,6 +33,11 @@ class Lane:
     number: int
     events: list[Event] = field(default_factory=list[Event])
     spans: list[Span] = field(default_factory=list[Span])
+
+    @property
+    def depth(self) -> int:
+        """How many lanes there are down to this one."""
+        return 1 if self.above is None else 1 + self.above.depth
 
     @property
     def name(self) -> str:
@@ -62,11 +72,15 @@ def tier_of(name: str, above: str | None) -> str:
 def lanes_of(events: Sequence[Event], spans: Mapping[str, Sequence[Span]]) -> tuple[list[Lane], set[str]]:
     """All lanes, each after the one above it, and the ids of events that are below the event they are a part of.
 
-    An event is below its whole where each of its stretches lies within one of the whole's.
+    An event is below its whole where each of its stretches lies within one of the whole's, down to ``MOST_DEPTH``.
 
     Parameters
     ----------
     events : by their start. spans : the stretches of each, by its id, in order.
+
+    Raises
+    ------
+    LimitError : more than ``MOST_LANES`` events of a tier happen at one time.
     """
     found: dict[tuple[str, int], list[Lane]] = {}
     lane_of: dict[str, Lane] = {}
@@ -74,13 +88,20 @@ def lanes_of(events: Sequence[Event], spans: Mapping[str, Sequence[Span]]) -> tu
     for event in _wholes_first(events):
         mine = spans[event.id]
         above = lane_of.get(event.parent or "")
-        if above is None or not _within(mine, spans[event.parent or ""]):
+        if above is None or above.depth >= MOST_DEPTH or not _within(mine, spans[event.parent or ""]):
             above = None
         else:
             nested.add(event.id)
         lanes = found.setdefault((event.tier, id(above)), [])
         lane = next((lane for lane in lanes if lane.is_free(mine)), None)
         if lane is None:
+            if len(lanes) == MOST_LANES:
+                raise LimitError(
+                    "cannot write the events in lanes",
+                    where=f"event {event.id}: more than {MOST_LANES} others of tier {event.tier or NO_TIER} overlap it",
+                    consequence="nothing was written",
+                    fix="write them as csv",
+                )
             lane = Lane(event.tier, above, len(lanes) + 1)
             lanes.append(lane)
         lane.add(event, mine)

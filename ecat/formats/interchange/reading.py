@@ -213,7 +213,9 @@ def _media_beside(source: Path, found: Found) -> tuple[Path | None, list[str]]:
         for candidate in (unquote(name), _name_of(name)):
             path = folder / PureWindowsPath(candidate).as_posix()
             if _is_video(path) and path.resolve().is_relative_to(folder):
-                return path, [_name_of(other) for other in found.media if other != name]
+                others = dict.fromkeys(map(_name_of, found.media))
+                videos = [n for n in others if n.lower().endswith(video.SUFFIXES)]
+                return path, [other for other in videos if other != path.name]
     return None, []
 
 

@@ -246,7 +246,8 @@ def _fill(
     found: Found, view: str, entries: Sequence[tuple[str, _Entry]], attributes: Mapping[str, _Attribute]
 ) -> None:
     events: dict[str, FoundEvent] = {}
-    objects: dict[tuple[str, int], FoundObject] = {}
+    objects: dict[tuple[str, str, int], FoundObject] = {}
+    counts: dict[tuple[str, int], int] = {}
     others = 0
     for name, entry in entries:
         if len(entry.z) == 2 and not entry.xy:
@@ -256,7 +257,7 @@ def _fill(
                 known.stretches += event.stretches
                 known.said = event.said | known.said
         elif len(entry.z) == 1 and (shape := _shape(entry.xy)) is not None:
-            _add_region(objects, entry, *shape, attributes)
+            _add_region(objects, counts, entry, shape, attributes)
         else:
             others += 1
     found.events, found.objects = list(events.values()), list(objects.values())
@@ -308,10 +309,10 @@ def _shape(xy: Sequence[float]) -> tuple[ObjectKind, Numbers] | None:
 
 
 def _add_region(
-    objects: dict[tuple[str, int], FoundObject],
+    objects: dict[tuple[str, str, int], FoundObject],
+    counts: dict[tuple[str, int], int],
     entry: _Entry,
-    kind: ObjectKind,
-    coordinates: Numbers,
+    region: tuple[ObjectKind, Numbers],
     attributes: Mapping[str, _Attribute],
 ) -> None:
     """A shape of the object whose label the region has; two with one label at one time are two objects."""
@@ -320,16 +321,16 @@ def _add_region(
     label = named[0][0] if named else "region"
     types = [value for a, value in said if a.desc == _OBJECT_TYPE]
     t_ns = from_seconds(entry.z[0])
+    kind, coordinates = region
     shape = FoundShape(t_ns=t_ns, coordinates=coordinates)
-    copy = 1
-    while (known := objects.get((label, copy))) is not None:
-        if known.record.kind == kind and known.shapes[-1].t_ns != t_ns:
-            known.shapes.append(shape)
-            return
-        copy += 1
+    copy = counts[label, t_ns] = counts.get((label, t_ns), 0) + 1
+    known = objects.get((label, kind, copy))
+    if known is not None:
+        known.shapes.append(shape)
+        return
     name = label if copy == 1 else f"{label} {copy}"
     record = AnnotatedObject(id=name, name=name, kind=kind, semantic_type=types[0] if types else "")
-    objects[label, copy] = FoundObject(record=record, shapes=[shape])
+    objects[label, kind, copy] = FoundObject(record=record, shapes=[shape])
 
 
 def _scheme(name: str, attributes: Iterable[_Attribute]) -> CodingScheme | None:

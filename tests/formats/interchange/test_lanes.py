@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.formats.interchange.lanes import lanes_of, tier_of
+from ecat.errors import LimitError
+from ecat.formats.interchange.lanes import MOST_DEPTH, lanes_of, tier_of
 from ecat.model import Event, Segment
 from ecat.store import Session
 from tests.formats.interchange.layers import base_session, layers
@@ -56,3 +57,18 @@ def test_the_name_of_a_lane_tells_its_tier(tier: str) -> None:
     events = [Event(id=f"a{n}", tier=tier, segments=(Segment(start_frame=0, end_frame=2),)) for n in range(3)]
     lanes, _ = lanes_of(events, spans(tuple(events)))
     assert [tier_of(lane.name, None) for lane in lanes] == [tier] * 3
+
+
+def test_parts_of_parts_of_parts_are_below_each_other_down_to_a_limit() -> None:
+    segments = (Segment(start_frame=0, end_frame=2),)
+    events = [Event(id=f"a{n}", parent=f"a{n - 1}" if n else None, segments=segments) for n in range(5000)]
+    lanes, nested = lanes_of(events, spans(tuple(events)))
+    assert max(lane.depth for lane in lanes) == MOST_DEPTH
+    assert len(nested) > 4000
+
+
+def test_more_events_at_one_time_than_happen_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ecat.formats.interchange.lanes.MOST_LANES", 3)
+    events = [Event(id=f"a{n}", segments=(Segment(start_frame=0, end_frame=2),)) for n in range(4)]
+    with pytest.raises(LimitError, match="more than 3 others"):
+        lanes_of(events, spans(tuple(events)))
