@@ -171,7 +171,10 @@ def restore(site: Site, name: str) -> str | None:
     place = site.library.root / path.relative_to(folder)
     if place.exists():
         raise ConflictError(
-            what, where=f"{place}: there is something by now", consequence="it stays in the archive"
+            what,
+            where=f"{place}: there is something by now",
+            consequence="it stays in the archive",
+            fix="move what is there, and restore it again",
         )
     with files.typed_errors(what, place, "it stays in the archive"):
         files.make_folders(place.parent)

@@ -64,7 +64,9 @@ class Site:
         if sid not in self._open:
             await asyncio.to_thread(self.library.path, sid)
             if sid in self._leaving:
-                raise ConflictError(f"cannot open session {sid}", where="it is being put away just now")
+                raise ConflictError(
+                    f"cannot open session {sid}", where="it is being put away just now", fix="restore it"
+                )
             self._open.setdefault(sid, OpenSession(sid, self))
         return self._open[sid]
 

@@ -120,7 +120,9 @@ class Uploads:
 
     def _known(self, name: str) -> Path:
         if name not in self._held:
-            raise NotFoundError("cannot find the upload", where=f"{name[:80]}: not of this server")
+            raise NotFoundError(
+                "cannot find the upload", where=f"{name[:80]}: not of this server", fix="upload it again"
+            )
         return self.folder / name
 
     def _place(self, name: str, path: str) -> Path:

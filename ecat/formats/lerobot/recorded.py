@@ -230,6 +230,7 @@ class Camera(AbstractContextManager["Camera"]):
             raise CorruptError(
                 self._what,
                 where=f"{self._path.name}: {done} of {len(wanted)} images of an episode could be read",
+                consequence="this session is not in the data set",
                 fix="import the recording again",
             )
 

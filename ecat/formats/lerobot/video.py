@@ -94,6 +94,7 @@ class PacketFile(AbstractContextManager["PacketFile"]):
             raise CorruptError(
                 self._what,
                 where=f"{self.path.name}: {found} of {count} images could be copied",
+                consequence="this session is not in the data set",
                 fix="import the recording again",
             )
 

@@ -83,7 +83,11 @@ def file(opened: TheSession, stream: str, request: Request) -> Response:
     """The file of a stream as it was recorded, to keep."""
     path = opened.session.stream_path(stream)
     if not path.is_file():
-        raise NotFoundError(f"cannot find the file of stream {stream}", where=f"{path.name}: it is gone")
+        raise NotFoundError(
+            f"cannot find the file of stream {stream}",
+            where=f"{path.name}: it is gone",
+            fix="import the recording again",
+        )
     if (beyond := _checked_range(request, path.stat().st_size)) is not None:
         return beyond
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)

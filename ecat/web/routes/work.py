@@ -84,7 +84,11 @@ async def add_skeletons(opened: TheSession, asked: AddSkeletons) -> Response:
             session = open_session(opened.session.path)
             found = skeletons.read_skeletons(source, session)
             if not found.bodies:
-                raise UsageError(f"cannot add {source.name}", where="there is not a single body in it")
+                raise UsageError(
+                    f"cannot add {source.name}",
+                    where="there is not a single body in it",
+                    fix="choose another file",
+                )
             progress("adding the rigs", 1, 2)
             objects = opened.site.wait_for(_add_rigs(opened, asked, found))
             try:
@@ -127,7 +131,11 @@ async def add_files(opened: TheSession, asked: AddFiles) -> Response:
 def remove_file(opened: TheSession, stream: str, asked: Removal) -> Response:
     """Take a file out that was not recorded; its name confirms."""
     if asked.name != stream:
-        raise UsageError(f"cannot remove {stream[:80]}", where=f"{asked.name[:80]}: another name")
+        raise UsageError(
+            f"cannot remove {stream[:80]}",
+            where=f"{asked.name[:80]}: another name",
+            fix="type the stream's name",
+        )
     streams.remove_file(open_session(opened.session.path), stream)
     return json_answer({})
 
