@@ -95,7 +95,7 @@ def test_the_skeletons_of_a_file_are_added(served: Any, annotating: Any, tmp_pat
     assert rows.num_rows == before + len(mine)
     assert (added.kind, added.semantic_type, added.name) == ("rig", "bodyRig", rig.stem)
     assert any(s.kind == "skeleton" and s.present for s in served.session().manifest.streams)
-    assert annotating.says("app.selectedObject.id") == added.id
+    annotating.until(f"app.selectedObject?.id === '{added.id}'")
 
 
 def test_the_session_says_what_it_is_made_of_and_what_was_said(annotating: Any) -> None:
