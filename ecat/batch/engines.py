@@ -180,7 +180,7 @@ def _begin_ray(ray: Any, jobs: int) -> None:
     own = {} if address else {"num_cpus": jobs, "include_dashboard": False}
     try:
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
-    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+    except Exception as error:  # a machine that is too busy to start it in time is told so by just this class
         raise UsageError(
             "cannot use --engine ray",
             where=f"RAY_ADDRESS={address or ''}: {error}",

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ecat.cli.output import Output, printable
+from ecat.cli.spread import spread_options
 from ecat.cli.text import count
 from ecat.cli.verb import verb
 from ecat.errors import EcatError
 
 if TYPE_CHECKING:
-    from ecat.process import Outcome
+    from ecat.batch import Engine, Outcome
 
 
 @verb(
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         "ecat process my_session",
         "ecat process my_project --smooth --jobs 4",
         "ecat process my_session --stage plane --stage pose --force",
+        "ecat process my_project --shard 3/8",
         "ecat process my_session --prototypes boxes.json",
     ),
 )
@@ -43,12 +45,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Sizes and markers of the boxes, as written by `ecat calibrate`.",
 )
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 256),
-    metavar="N",
-    help="Process N sessions at once. [default: 1 for up to three sessions, else one for each processor]",
-)
+@spread_options("Process")
 def command(
     out: Output,
     paths: tuple[Path, ...],
@@ -57,6 +54,8 @@ def command(
     force: bool,
     prototypes: Path | None,
     jobs: int | None,
+    shard: str | None,
+    engine: Engine,
 ) -> int:
     """Turn recordings into data: the table, and where the boxes are in every frame.
 
@@ -64,16 +63,23 @@ def command(
     changed since they ran), and which are not applicable, and why.  Sessions and paths that cannot be
     processed are reported at the end, and the others are processed all the same; the exit code is then 1.
     After an interruption the same command does what is left.
+
+    Jobs of an array each take a --shard of a folder that all of them see.  Boxes are measured by all sessions
+    together: where marks are to be found in videos first, the array does that, says so, and when it is run again does
+    the rest (at once with --prototypes).
     """
-    from ecat import process
+    from ecat import batch, process
 
     process.require_stages(stages)
     boxes = None if prototypes is None else process.read_prototypes(prototypes)
+    share = None if shard is None else batch.parse_shard(shard)
     names, missing = _sessions(paths)
     with out.progress() as progress:
-        outcomes = process.process_sessions(
+        outcomes = batch.process_sessions(
             list(names),
             jobs=jobs,
+            engine=engine,
+            shard=share,
             stages=stages or None,
             force=force,
             smooth=smooth,

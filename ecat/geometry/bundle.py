@@ -69,7 +69,7 @@ class Priors:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Tables (camera-from-table) and prototypes that fit best, with what is left in the corners."""
+    """Tables (camera-from-table) and prototypes that fit best, with what is left in the corners (NaN: none fits)."""
 
     tables: tuple[Rigid, ...]
     prototypes: tuple[BoxPrototype, ...]
@@ -118,8 +118,10 @@ def adjust(
     covariance = np.asarray(np.linalg.pinv(hessian, hermitian=True), np.float64)
     firsts = _firsts(len(now), boxes)
     made = tuple(box.prototype(p, covariance, f) for box, p, f in zip(boxes, prototypes, firsts, strict=True))
-    left = [_errors(t, _scene(t, now, boxes, camera), p, noise) for t, p in zip(tracks, poses, strict=True)]
-    return Bundle(tuple(now), made, float(np.median(np.concatenate(left))))
+    left = np.concatenate(
+        [_errors(t, _scene(t, now, boxes, camera), p, noise) for t, p in zip(tracks, poses, strict=True)]
+    )
+    return Bundle(tuple(now), made, float(np.median(left)) if len(left) else np.nan)
 
 
 def _errors(track: Track, scene: Scene, pose: Rigid, noise: Noise) -> Floats:

@@ -14,27 +14,26 @@ from ecat.process.graph import (
     stage_names,
     stale_tables,
 )
-from ecat.process.many import Outcome, process_sessions
 from ecat.process.prototypes import (
     calibrate,
     calibrate_together,
     kept_prototypes,
     read_prototypes,
+    to_be_tracked,
     write_prototypes,
 )
 
 __all__ = [
-    "Outcome",
     "ProcessReport",
     "calibrate",
     "calibrate_together",
     "kept_prototypes",
     "made_by",
     "process_session",
-    "process_sessions",
     "read_prototypes",
     "require_stages",
     "stage_names",
     "stale_tables",
+    "to_be_tracked",
     "write_prototypes",
 ]

@@ -163,15 +163,31 @@ def _plane_in_depth(
     return None
 
 
-def to_be_tracked(paths: Iterable[Path]) -> set[Path]:
-    """The sessions in whose videos marks are looked for, if there are sessions without boxes to be measured by them."""
+def to_be_tracked(paths: Iterable[Path], *, again: bool = True) -> set[Path]:
+    """The sessions in whose videos marks are looked for, if there are sessions without boxes to be measured by them.
+
+    Parameters
+    ----------
+    again : those whose marks were found before as well, as that may be out of date; else only those that have none
+        and can be opened: nobody waits for a video that is damaged.
+    """
     sessions: list[Session] = []
     for path in paths:
         with contextlib.suppress(EcatError):
             sessions.append(open_session(path))
     if all(session.manifest.prototypes for session in sessions):
         return set()
-    return {session.path for session in sessions if _has_video(session)}
+    return {session.path for session in sessions if _has_video(session) and (again or _waits(session))}
+
+
+def _waits(session: Session) -> bool:
+    if session.has_table("markers_2d"):
+        return False
+    from ecat.stages.track import TRACK
+
+    with contextlib.suppress(EcatError, OSError), StageImages(session) as images:
+        return bool(images.of(TRACK))
+    return False
 
 
 def _has_video(session: Session) -> bool:

@@ -150,7 +150,7 @@ def _measured(
     polygons: Sequence[Floats],
     parameters: CalibrationParameters,
 ) -> Calibration | None:
-    """What the frames say in which boxes rest; None if none does often enough.
+    """What the frames say in which boxes rest; None if none does often enough, or no corner is where it should be.
 
     Which those are is told by boxes as they should be, and then by boxes as they were measured.
     """
@@ -171,6 +171,8 @@ def _measured(
             polygons=polygons,
             priors=parameters.priors,
         )
+        if np.isnan(bundle.residual_px):
+            return None
         now, planes = bundle.prototypes, bundle.tables
         kept = tuple(new if ok else old for new, old, ok in zip(now, boxes, enough, strict=True))
         found = Calibration(kept, planes, bundle.residual_px)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 
 from ecat.batch import engines
 from ecat.batch.engines import Engine, usual_jobs
-from ecat.errors import MissingExtraError
+from ecat.errors import MissingExtraError, UsageError
 
 ENGINES: list[Engine] = ["processes", "ray"]
 
@@ -39,8 +41,6 @@ def died(task: Task) -> int:
 
 
 def results(tasks: list[Task], engine: Engine, jobs: int = 2) -> list[int]:
-    if engine == "ray":
-        pytest.importorskip("ray", reason="Ray is not installed: pip install 'ecat[ray]'")
     kept: list[int] = []
     found = engines.run(square, tasks, jobs=jobs, died=died, keep=kept.append, engine=engine)
     assert sorted(kept) == sorted(found)
@@ -50,12 +50,20 @@ def results(tasks: list[Task], engine: Engine, jobs: int = 2) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_results_come_in_the_order_of_the_tasks(engine: Engine) -> None:
+    """Without Ray running, it is started for the call."""
+    if engine == "ray":
+        pytest.importorskip("ray", reason="Ray is not installed: pip install 'ecat[ray]'")
     assert results([Task(n) for n in range(30)], engine) == [n**2 for n in range(30)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
-def test_only_the_task_that_kills_its_process_is_given_up(engine: Engine) -> None:
+def test_only_the_task_that_kills_its_process_is_given_up(
+    engine: Engine, request: pytest.FixtureRequest
+) -> None:
+    """Ray runs already, as where a program uses it for other things as well."""
+    if engine == "ray":
+        request.getfixturevalue("ray_cluster")
     tasks = [Task(n, deadly="always" if n == 3 else "") for n in range(8)]
     assert results(tasks, engine) == [0, 1, 4, -3, 16, 25, 36, 49]
 
@@ -64,6 +72,28 @@ def test_only_the_task_that_kills_its_process_is_given_up(engine: Engine) -> Non
 def test_a_process_that_was_killed_by_chance_is_not_the_end_of_its_task(tmp_path: Path) -> None:
     tasks = [Task(n, deadly="once" if n == 3 else "", marker=tmp_path / str(n)) for n in range(6)]
     assert results(tasks, "processes") == [0, 1, 4, 9, 16, 25]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals are those of POSIX")
+def test_processes_do_not_outlive_the_one_that_started_them() -> None:
+    lines = (
+        "import os, time",
+        "from ecat.batch.engines import pool",
+        "with pool(1) as processes:",
+        "    print(processes.submit(os.getpid).result(), flush=True)",
+        "    processes.submit(time.sleep, 600).result()",
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", "\n".join(lines)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    with parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        os.kill(child, 0)
+        parent.kill()
+        # the pipe is closed when the last process that has it has ended
+        assert parent.communicate(timeout=60)[0] == b""
 
 
 def test_nothing_to_do_takes_no_process() -> None:
@@ -75,6 +105,20 @@ def test_without_ray_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(MissingExtraError, match="cannot use --engine ray") as caught:
         engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray")
     assert "ecat[ray]" in caught.value.fix
+
+
+def test_a_cluster_that_does_not_start_or_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ray:
+        def is_initialized(self) -> bool:
+            return False
+
+        def init(self, **_: object) -> None:
+            raise Exception("The current node timed out during startup.")  # noqa: TRY002  as Ray does
+
+    monkeypatch.setattr(engines, "_ray", Ray)
+    monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
+    with pytest.raises(UsageError, match=r"10\.0\.0\.1:6379: The current node timed out"):
+        engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray")
 
 
 def test_few_tasks_are_done_by_one_process() -> None:

@@ -44,10 +44,15 @@ def expected(project: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 @pytest.mark.slow
 @pytest.mark.parametrize(("engine", "jobs"), [("processes", 1), ("processes", 2), ("ray", 2)])
 def test_every_engine_writes_the_same_bytes(
-    project: Path, expected: dict[str, bytes], tmp_path: Path, engine: Engine, jobs: int
+    project: Path,
+    expected: dict[str, bytes],
+    tmp_path: Path,
+    engine: Engine,
+    jobs: int,
+    request: pytest.FixtureRequest,
 ) -> None:
     if engine == "ray":
-        pytest.importorskip("ray", reason="Ray is not installed: pip install 'ecat[ray]'")
+        request.getfixturevalue("ray_cluster")
     said: list[tuple[str, int, int]] = []
     report = export_sessions(
         project,

@@ -207,8 +207,8 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
             findings=("a remark",),
         )
 
-    monkeypatch.setattr("ecat.process.many.process_session", fake)
-    monkeypatch.setattr("ecat.process.many.calibrate_together", lambda *_: {})
+    monkeypatch.setattr("ecat.batch.processing.process_session", fake)
+    monkeypatch.setattr("ecat.batch.processing.calibrate_together", lambda *_: {})
     return calls
 
 

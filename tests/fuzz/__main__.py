@@ -1,6 +1,6 @@
 """``python -m tests.fuzz [--seconds N] [TARGET ...]``: look for inputs that break a reader, and keep them.
 
-Needs atheris. Each target runs in its own process; minimised cases go to
+Needs atheris. Each target runs in a process of its own; minimised cases go to
 ``tests/fuzz/corpus/regressions/TARGET/``, which the test suite replays. The exit code is 1 when something was
 found.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.fuzz.campaign import fuzz
+from tests.fuzz.campaign import Fuzzer
 from tests.fuzz.harness import store
 from tests.fuzz.targets import TARGETS
 
@@ -27,15 +27,16 @@ def main() -> int:
     if unknown:
         parser.error(f"unknown target {', '.join(sorted(unknown))}")
     found = False
-    for target in chosen.targets or TARGETS:
-        result = fuzz(target, chosen.seconds)
-        print(
-            f"{target}: {result.runs} inputs, {result.covered} edges, {len(result.cases)} findings",
-            flush=True,
-        )
-        for case in result.cases:
-            found = True
-            print(f"\n{store(target, case.data)}\n{case.told}")
+    with Fuzzer() as fuzzer:
+        for target in chosen.targets or TARGETS:
+            result = fuzzer.fuzz(target, chosen.seconds)
+            print(
+                f"{target}: {result.runs} inputs, {result.covered} edges, {len(result.cases)} findings",
+                flush=True,
+            )
+            for case in result.cases:
+                found = True
+                print(f"\n{store(target, case.data)}\n{case.told}")
     return int(found)
 
 

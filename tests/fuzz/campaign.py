@@ -1,4 +1,4 @@
-"""Runs the fuzzing process of one target and collects what it found."""
+"""Has targets fuzzed in a process beside this one, and collects what was found."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import re
 import subprocess
 import sys
 import tempfile
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from select import select
 
 ROOT = Path(__file__).parents[2]
-_GRACE_SECONDS = 60
+_GRACE_SECONDS = 180
 
 
 @dataclass(frozen=True)
@@ -30,25 +32,39 @@ class Result:
     cases: tuple[Case, ...]
 
 
-def fuzz(target: str, seconds: float) -> Result:
-    """Fuzz one target in a process of its own."""
-    with tempfile.TemporaryDirectory(prefix="ecat-fuzz-") as name:
-        folder = Path(name)
-        process = subprocess.run(
-            [sys.executable, "-m", "tests.fuzz.worker", target, str(seconds), name],
+class Fuzzer(AbstractContextManager["Fuzzer"]):
+    """A process that has all readers instrumented, and fuzzes one target after the other."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.fuzz.worker"],
             cwd=ROOT,
-            capture_output=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
             text=True,
-            errors="replace",
-            timeout=seconds + _GRACE_SECONDS,
-            check=False,
+            start_new_session=True,
         )
-        cases = [*_findings(folder), *_deaths(folder, process.stderr)]
-        if process.returncode and not cases:
-            raise RuntimeError(f"the fuzzer of {target} failed:\n{process.stderr[-4000:]}")
-        runs = re.findall(r"Done (\d+) runs", process.stderr)
-        covered = re.findall(r"cov: (\d+)", process.stderr)
-        return Result(int(runs[-1]) if runs else 0, int(covered[-1]) if covered else 0, tuple(cases))
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def fuzz(self, target: str, seconds: float) -> Result:
+        """Fuzz one target in a process of its own."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with tempfile.TemporaryDirectory(prefix="ecat-fuzz-") as name:
+            folder = Path(name)
+            print(target, seconds, folder, file=self._process.stdin, flush=True)
+            ready = select([self._process.stdout], [], [], seconds + _GRACE_SECONDS)[0]
+            code = self._process.stdout.readline().strip() if ready else "no end"
+            log = (folder / "log").read_text(errors="replace") if (folder / "log").exists() else ""
+            cases = [*_findings(folder), *_deaths(folder, log)]
+            if code != "0" and not cases:
+                raise RuntimeError(f"the fuzzer of {target} failed ({code or 'it is gone'}):\n{log[-4000:]}")
+            runs = re.findall(r"Done (\d+) runs", log)
+            covered = re.findall(r"cov: (\d+)", log)
+            return Result(int(runs[-1]) if runs else 0, int(covered[-1]) if covered else 0, tuple(cases))
 
 
 def _findings(folder: Path) -> list[Case]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fuzz import harness
-from tests.fuzz.campaign import fuzz
+from tests.fuzz.campaign import Fuzzer
 from tests.fuzz.harness import Finding, check, minimise, regressions, store
 from tests.fuzz.targets import TARGETS, Target
 
-SECONDS = 3.0
+SECONDS = 2.0
 
 
 @st.composite
@@ -54,11 +55,17 @@ def test_any_mutation_gives_a_value_or_one_typed_error(target: str) -> None:
     mutation()
 
 
+@pytest.fixture(scope="module")
+def fuzzer() -> Generator[Fuzzer]:
+    pytest.importorskip("atheris")
+    with Fuzzer() as made:
+        yield made
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
-def test_a_short_search_finds_nothing(target: str) -> None:
-    pytest.importorskip("atheris")
-    result = fuzz(target, SECONDS)
+def test_a_short_search_finds_nothing(fuzzer: Fuzzer, target: str) -> None:
+    result = fuzzer.fuzz(target, SECONDS)
     assert result.runs > 0
     assert not result.cases, "\n".join(case.told for case in result.cases)
 

@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 import pytest
 
 from ecat.errors import InputError
+from ecat.geometry.boxfit import SUBPIXEL
 from ecat.geometry.transforms import Rigid, matrix_about_z
 from ecat.model.prototype import PEPSI, STELLA_ARTOIS, BoxPrototype
 from ecat.stages.calibrate import CalibrationParameters, Recording, calibrate_boxes, recordings_on
@@ -97,6 +98,15 @@ def test_a_box_seen_from_one_side_only_cannot_be_calibrated(generated: Generated
     one = session.markers_2d.filter(pc.field("order") == 0)
     with pytest.raises(InputError, match="two or three faces"):
         calibrate_boxes([replace(session.recording, markers_2d=one, markers_3d=None)])
+
+
+@pytest.mark.parametrize("px", [3.0, 30.0])
+def test_marks_far_off_what_the_detector_promises_measure_nothing(generated: Generated, px: float) -> None:
+    """Whatever is said is said as an error: no box fits, and nothing is printed beside it."""
+    session = generated(120, noise_px=px)
+    parameters = CalibrationParameters(noise=SUBPIXEL)
+    with pytest.raises(InputError):
+        calibrate_boxes([session.recording], parameters)
 
 
 def test_frames_in_which_a_box_is_carried_do_not_count(generated: Generated) -> None:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from shutil import copytree
 
 import pytest
 
+from ecat.batch import Outcome, Shard, process_sessions, processing
 from ecat.errors import EcatError, UsageError
 from ecat.model import Manifest
-from ecat.process import ProcessReport, calibrate, many, process_sessions
-from ecat.process.many import Outcome, usual_jobs
+from ecat.process import ProcessReport, calibrate
 from ecat.sample import sample_session
 from ecat.store import Draft, create_session, open_session
 from tests.process.films import filmed, find
@@ -132,6 +129,51 @@ def test_what_was_interrupted_while_videos_are_searched_is_gone_on_with(
     assert first == second == tuple(box.to_dict() for box in calibrate(paths))
 
 
+def shares(paths: list[Path], n: int = 2) -> list[list[Outcome]]:
+    return [process_sessions(paths, shard=Shard(i + 1, n), jobs=1) for i in range(n)]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("ray_cluster")
+def test_shares_and_every_engine_make_the_same_bytes(paths: list[Path], tmp_path: Path) -> None:
+    twins = [copytree(path, tmp_path / "twins" / path.name) for path in paths]
+    rays = [copytree(path, tmp_path / "rays" / path.name) for path in paths]
+    first, second = shares(paths)
+    assert [*summary(first), *summary(second)] == [EXPECTED[i] for i in (0, 2, 1, 3)]
+    assert summary(process_sessions(twins, jobs=1)) == EXPECTED
+    for path, twin in zip(paths[1:], twins[1:], strict=True):
+        assert tables(path) == tables(twin)
+    assert summary(process_sessions(rays, jobs=2, engine="ray")) == EXPECTED
+    for path, ray in zip(paths[1:], rays[1:], strict=True):
+        assert tables(path) == tables(ray)
+
+
+def test_shares_find_marks_first_and_measure_boxes_when_all_were_found(
+    films: tuple[list[Path], list[int]],
+) -> None:
+    paths, looked_at = films
+    [first], [second] = shares(paths)
+    assert summary([first, second]) == [("a", ("track",)), ("b", ("track", *RAN))]
+    assert first.report is not None
+    assert "1 of other shares are still without marks" in first.report.findings[-1]
+    [first], [second] = shares(paths)
+    assert summary([first, second]) == [("a", RAN), ("b", ())]
+    one, other = (open_session(path).manifest.prototypes for path in paths)
+    assert one == other == tuple(box.to_dict() for box in calibrate(paths))
+    assert len(looked_at) == 2
+
+
+def test_nobody_waits_for_a_video_that_is_damaged(films: tuple[list[Path], list[int]]) -> None:
+    paths, _ = films
+    open_session(paths[1]).stream_path("color").write_bytes(b"no video")
+    first = process_sessions(paths, shard=Shard(1, 2))
+    assert summary(first) == [("a", ("track", *RAN))]
+
+
+def test_a_share_may_be_empty(paths: list[Path]) -> None:
+    assert process_sessions(paths[1:2], shard=Shard(2, 2)) == []
+
+
 def test_to_look_for_marks_only_measures_no_boxes(films: tuple[list[Path], list[int]]) -> None:
     paths, looked_at = films
     assert summary(process_sessions(paths, stages=["track"])) == [("a", ("track",)), ("b", ("track",))]
@@ -154,29 +196,7 @@ def test_an_interruption_ends_the_other_processes(paths: list[Path]) -> None:
         assert open_session(path).manifest.revision >= 1
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals are those of POSIX")
-def test_processes_do_not_outlive_the_one_that_started_them() -> None:
-    lines = (
-        "import os, time",
-        "from ecat.process.many import _pool",
-        "with _pool(1) as pool:",
-        "    print(pool.submit(os.getpid).result(), flush=True)",
-        "    pool.submit(time.sleep, 600).result()",
-    )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", "\n".join(lines)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    with parent:
-        assert parent.stdout is not None
-        child = int(parent.stdout.readline())
-        os.kill(child, 0)
-        parent.kill()
-        # the pipe is closed when the last process that has it has ended
-        assert parent.communicate(timeout=60)[0] == b""
-
-
-def die(task: many._Task) -> Outcome:  # pyright: ignore[reportPrivateUsage]
+def die(task: processing._Task) -> Outcome:  # pyright: ignore[reportPrivateUsage]
     """What a process does that needs more memory than there is."""
     if task.path.name == "b":
         os._exit(9)
@@ -185,7 +205,7 @@ def die(task: many._Task) -> Outcome:  # pyright: ignore[reportPrivateUsage]
 
 @pytest.mark.slow
 def test_a_process_that_dies_is_an_error_of_its_session_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(many, "_outcome", die)
+    monkeypatch.setattr(processing, "_outcome", die)
     found = process_sessions([Path(name) for name in "abcd"], jobs=2, prototypes=())
     assert [(o.path.name, o.error is None) for o in found] == [
         ("a", True),
@@ -204,13 +224,13 @@ def test_a_fault_in_one_session_does_not_stop_the_others(
             raise ZeroDivisionError("division by zero")
         return ProcessReport(path=path, ran=(), skipped=())
 
-    monkeypatch.setattr(many, "process_session", fake)
+    monkeypatch.setattr(processing, "process_session", fake)
     found = process_sessions(paths, jobs=1, prototypes=())
     assert [o.path.name for o in found if o.error] == ["a"]
     error = found[1].error
     assert isinstance(error, EcatError)
     assert error.what == "this is a bug in ecat: ZeroDivisionError"
-    assert "test_many.py, line" in error.where
+    assert "test_processing.py, line" in error.where
 
 
 def test_a_fault_in_the_only_session_is_shown_whole(
@@ -219,7 +239,7 @@ def test_a_fault_in_the_only_session_is_shown_whole(
     def fail(path: Path, **_: object) -> ProcessReport:
         raise ZeroDivisionError(path)
 
-    monkeypatch.setattr(many, "process_session", fail)
+    monkeypatch.setattr(processing, "process_session", fail)
     with pytest.raises(ZeroDivisionError):
         process_sessions(paths[:1])
 
@@ -227,9 +247,3 @@ def test_a_fault_in_the_only_session_is_shown_whole(
 def test_an_unknown_stage_is_said_before_anything_is_done(paths: list[Path]) -> None:
     with pytest.raises(UsageError):
         process_sessions(paths, stages=["flatten"])
-
-
-def test_a_few_sessions_are_not_worth_another_process() -> None:
-    assert [usual_jobs(n) for n in (0, 1, 3)] == [1, 1, 1]
-    assert 1 <= usual_jobs(4) <= 4
-    assert usual_jobs(10**6) == usual_jobs(10**6 + 1)
