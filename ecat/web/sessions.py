@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
+import json
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -36,7 +38,7 @@ _NOTHING = {"n_objects": 0, "n_events": 0, "n_relations": 0}
 
 
 class OpenSession:
-    """One session that somebody looks at."""
+    """One session that somebody looks at; made before anything of it is told: no later change goes unnoticed."""
 
     def __init__(self, sid: str, site: Site) -> None:
         self.sid = sid
@@ -48,7 +50,9 @@ class OpenSession:
         self._curves: tuple[str, Curves] | None = None
         self._facts: tuple[str, dict[str, Any]] | None = None
         self._computing = threading.Lock()
-        self._tables: dict[str, str] | None = None
+        self._tables = dict[str, str]()
+        with contextlib.suppress(EcatError):  # whoever asks is told
+            self._tables = _tables_of(self.session)
 
     @property
     def session(self) -> Session:
@@ -90,6 +94,11 @@ class OpenSession:
     def revisions(self) -> dict[str, int]:
         """The revision of every layer that was opened."""
         return {name: layer.revision for name, layer in self._layers.items()}
+
+    @property
+    def tables_sha256(self) -> str:
+        """Of the tables, as the pages were last told of them."""
+        return _sha256(self._tables)
 
     def describe_layers(self) -> list[dict[str, Any]]:
         """Every layer: as it is now if it was opened, else as it was last saved."""
@@ -140,10 +149,9 @@ class OpenSession:
 
     def _look_at_tables(self, session: Session) -> None:
         """Tell whether a stage has written tables."""
-        # those that follow from the layers are told of as records
-        now = {table.name: table.sha256 for table in session.manifest.tables if table.stage != "publish"}
-        before, self._tables = self._tables, now
-        if before is not None and before != now:
+        before, now = self._tables, _tables_of(session)
+        self._tables = now
+        if before != now:
             changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
             self.hub.tell({"type": "tables", "tables": changed})
 
@@ -198,6 +206,20 @@ class OpenSession:
                 if stream.kind in IMAGE_KINDS and proxies.key_of(session, stream.name) == key:
                     told = proxies.describe(proxy, self.proxy_url(stream.name))
                     self.hub.tell({"type": "proxy", "stream": stream.name, **told})
+
+
+def tables_sha256(session: Session) -> str:
+    """Of the tables that stages wrote: another one as soon as one of them is."""
+    return _sha256(_tables_of(session))
+
+
+def _tables_of(session: Session) -> dict[str, str]:
+    # those that follow from the layers are told of as records
+    return {table.name: table.sha256 for table in session.manifest.tables if table.stage != "publish"}
+
+
+def _sha256(tables: dict[str, str]) -> str:
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def _facts(session: Session) -> dict[str, Any]:

@@ -155,7 +155,9 @@ class Plane(Shape):
 
 
 class SessionShape(Shape):
-    """A session; ``video`` is the annotated stream, whose images are the session's frames."""
+    """A session; ``video`` is the annotated stream, whose images are the session's frames; ``tables_sha256`` is another
+    one as soon as a stage has written a table.
+    """
 
     id: str
     name: str
@@ -166,6 +168,7 @@ class SessionShape(Shape):
     streams: list[StreamShape]
     layers: list[LayerSummary]
     tables: list[str]
+    tables_sha256: str
     scheme: CodingScheme
     schemes: list[str]
     frame_rate_median: float | None

@@ -63,11 +63,12 @@ class Site:
         """
         if sid not in self._open:
             await asyncio.to_thread(self.library.path, sid)
+            made = await asyncio.to_thread(OpenSession, sid, self)
             if sid in self._leaving:
                 raise ConflictError(
                     f"cannot open session {sid}", where="it is being put away just now", fix="restore it"
                 )
-            self._open.setdefault(sid, OpenSession(sid, self))
+            self._open.setdefault(sid, made)
         return self._open[sid]
 
     @asynccontextmanager

@@ -160,12 +160,23 @@ class Window:
             self.settle()
 
     def settle(self) -> None:
-        """Wait until everything that was done has been acknowledged."""
+        """Wait until everything that was done has been acknowledged and is shown."""
         self.page.wait_for_function("() => window.ecat.save === 'saved'", timeout=WAIT_MS)
+        self._painted()
 
     def at(self, frame: int) -> None:
         """Put the cursor at a frame."""
         self.page.evaluate("(frame) => window.ecat.seek(frame)", frame)
+        self._painted()
+
+    def _painted(self) -> None:
+        """Wait for the next picture: a hand acts upon what it sees."""
+        self.page.evaluate("() => new Promise(requestAnimationFrame)")
+
+    def closed(self, test_id: str) -> None:
+        """Wait until a dialog has been closed: what it asked for begins then, and not with the click."""
+        self.find(test_id).wait_for(state="detached")
+        self.settle()
 
     def find(self, test_id: str) -> Any:
         """The element with a ``data-testid``."""

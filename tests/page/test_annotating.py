@@ -223,7 +223,7 @@ def _windows(window: Any, existing: str | None) -> None:
     if existing is not None:
         window.find("windows-existing").select_option(existing)
     window.find("windows-yes").click()
-    window.settle()
+    window.closed("windows")
 
 
 def test_the_guessed_type_of_a_new_event_is_shown_and_one_key_corrects_it(
@@ -292,7 +292,7 @@ def test_events_that_are_repeated_are_named_one_by_one(served: Any, annotating: 
     for field, value in {"step": "40", "duration": "40", "tier": ""}.items():
         annotating.find(f"windows-{field}").fill(value)
     annotating.find("windows-yes").click()
-    annotating.settle()
+    annotating.closed("windows")
     annotating.at(0)
     for key in "756":
         annotating.press("ArrowDown", "p", " ")
@@ -372,5 +372,6 @@ def test_everything_that_was_said_can_be_taken_back_at_once(served: Any, annotat
     annotating.settle()
     assert served.layer().events == before.events
     annotating.page.keyboard.press("Escape")
+    annotating.closed("history")
     annotating.press("Control+z")
     assert len(served.layer().events) == 3

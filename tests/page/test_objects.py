@@ -45,11 +45,21 @@ def test_a_shape_is_selected_by_a_click_and_removed(stage: Any, filmed: Any) -> 
     # the first one leaves the name
     stage.press("Escape", "Escape")
     assert stage.says("app.selection.length") == 0
+    # there is no grip left in its middle, which would take the click
     stage.page.mouse.click(*client(stage, 40, 50))
     assert stage.says("app.selectedObject.kind") == "rectangle"
     before = len(filmed.layer().objects)
     stage.press("Delete")
     assert len(filmed.layer().objects) == before - 1
+
+
+def test_grips_go_with_the_choice_and_not_with_the_next_picture(stage: Any) -> None:
+    stage.at(10)
+    stage.press("r")
+    drag(stage, client(stage, 20, 30), client(stage, 60, 70))
+    stage.find("centroid").wait_for()
+    left = "() => { window.ecat.select([]); return document.querySelectorAll('.grip').length; }"
+    assert stage.page.evaluate(left) == 0
 
 
 def test_the_stream_is_chosen_and_streams_stand_side_by_side(stage: Any) -> None:

@@ -87,6 +87,7 @@ def test_each_annotator_has_a_layer_and_sees_the_others(served: Any, annotating:
     annotating.find("prompt-yes").click()
     annotating.until("app.activeLayer === 'ben'")
     annotating.page.keyboard.press("Escape")
+    annotating.closed("layers")
     annotating.at(100)
     annotating.press("e")
     assert annotating.says("app.shownLayers.map(l => l.name)") == ["ben", "main"]
@@ -193,6 +194,7 @@ def test_axe_finds_nothing_serious_in_the_list_of_sessions(
 def test_a_dialog_that_the_mouse_opened_does_not_keep_the_space_bar(annotating: Any) -> None:
     annotating.find("windows-button").click()
     annotating.page.keyboard.press("Escape")
+    annotating.closed("windows")
     annotating.press(" ")
     assert annotating.says("app.cursor.playing")
     assert annotating.find("windows").count() == 0

@@ -16,6 +16,7 @@ from tests.page.filming import (
     DEPTH_WIDTH,
     HALF_PX,
     READ_NUMBER,
+    TO_CLIENT,
     WAIT_MS,
     client,
     depth_image,
@@ -53,7 +54,10 @@ def test_a_loop_is_not_left(stage: Any) -> None:
     stage.page.evaluate("() => { window.seen = []; ecat.on('cursor', (c) => window.seen.push(c.frame)); }")
     stage.find("event-a2").dblclick()
     stage.page.keyboard.press("Space")
-    stage.page.wait_for_timeout(2500)
+    stage.page.wait_for_function(
+        "() => window.seen.filter((frame, i) => i > 0 && frame < window.seen[i - 1]).length >= 2",
+        timeout=WAIT_MS,
+    )
     stage.page.keyboard.press("Space")
     seen: list[int] = stage.page.evaluate("window.seen")
     assert stage.says("app.cursor.loop") == [30, 50]
@@ -64,16 +68,15 @@ def test_a_loop_is_not_left(stage: Any) -> None:
 def test_depth_under_the_pointer_is_the_stored_one(stage: Any) -> None:
     show(stage, 60)
     pane = stage.page.locator('#depth [data-testid="pane-depth"]')
-    image = stage.says(
-        "app.session.streams.find((s) => s.name === 'depth') && document.querySelector('#depth .pane').dataset.frame"
-    )
+    image = 60
+    stage.page.wait_for_selector(f'#depth [data-testid="pane-depth"][data-frame="{image}"]', timeout=WAIT_MS)
     box = pane.bounding_box()
     scale = min(box["width"] / DEPTH_WIDTH, box["height"] / DEPTH_HEIGHT)
     left = box["x"] + (box["width"] - DEPTH_WIDTH * scale) / 2
     top = box["y"] + (box["height"] - DEPTH_HEIGHT * scale) / 2
     for u, v in ((0, 5), (17, 8), (63, 47)):
         stage.page.mouse.move(left + (u + 0.5) * scale, top + (v + 0.5) * scale)
-        raw = int(depth_image(int(image))[v, u])
+        raw = int(depth_image(image)[v, u])
         wanted = f"{raw} mm" if raw else "no depth"
         stage.page.wait_for_function(
             "([text, pixel]) => { const t = document.querySelector('[data-testid=depth-readout]').textContent;"
@@ -111,11 +114,12 @@ def test_a_rectangle_is_drawn_and_gets_a_key_frame_where_it_is_changed(stage: An
     assert list(keys) == [10, 40]
     # between them it is where neither was drawn
     stage.at(25)
-    stage.page.wait_for_timeout(500)
-    told = stage.page.locator(f'[data-testid="shape-{filmed.layer().objects[-1].id}"]').get_attribute(
-        "data-key"
+    stage.page.wait_for_function(
+        "([id, wanted, least]) => document.querySelector(`[data-testid=shape-${id}]`)?.dataset.key.split(' ')"
+        ".every((n, i) => Math.abs(Number(n) - wanted[i]) <= least)",
+        arg=[filmed.layer().objects[-1].id, [20, 30, 55, 47.5], HALF_PX],
+        timeout=WAIT_MS,
     )
-    assert [float(n) for n in told.split()] == pytest.approx((20, 30, 55, 47.5), abs=HALF_PX)
 
 
 def test_a_polygon_loses_a_vertex_gains_one_and_is_moved(stage: Any, filmed: Any) -> None:
@@ -145,10 +149,16 @@ def test_what_is_drawn_zoomed_and_on_a_fine_screen_lies_where_it_was_drawn(
 ) -> None:
     fine = open_filmed(window, filmed, device_scale_factor=2)
     x, y = client(fine, 100, 50)
+    wide = client(fine, 110, 50)[0] - x
     fine.page.mouse.move(x, y)
     for _ in range(8):
         fine.page.mouse.wheel(0, -100)
-    fine.page.wait_for_timeout(200)
+    # together they make it e times as large, and all but the last one less than 2.5 times
+    fine.page.wait_for_function(
+        f"([pixel, least]) => ({TO_CLIENT})([pixel, 50])[0] > least",
+        arg=[110, x + 2.6 * wide],
+        timeout=WAIT_MS,
+    )
     assert client(fine, 100, 50) == pytest.approx((x, y), abs=0.5)
     fine.press("r")
     drag(fine, client(fine, 95, 48), client(fine, 106.5, 54.25))
@@ -240,8 +250,8 @@ def test_proposals_are_accepted_adjusted_and_rejected(stage: Any, filmed: Any) -
     assert verdicts == {"machine/a1": ("accepted", "ann"), "machine/a2": ("rejected", "ann")}
     (made,) = (event for event in layer.events if event.type == "slide_away")
     assert (made.status, span_of(layer, made.id)) == ("confirmed", (40, 70))
-    stage.page.wait_for_timeout(300)
-    assert stage.find("proposal-a1").count() == stage.find("proposal-a2").count() == 0
+    for name in ("a1", "a2"):
+        stage.find(f"proposal-{name}").wait_for(state="detached")
     assert {event.status for event in filmed.session().layer("machine").events} == {"proposed"}
 
 

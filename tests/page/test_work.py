@@ -62,8 +62,12 @@ def test_a_drawn_shape_gets_its_hull(recorded: tuple[Any, Any]) -> None:
     )
     hulls = copy.session().table("hulls").to_arrow().to_pylist()
     assert {row["object_id"] for row in hulls} == {head}
-    corners = [row for row in hulls if row["frame"] == 90]
-    assert f"Hull of {len(corners)} corners" in window.find("hull").inner_text()
+    said = f"Hull of {sum(row['frame'] == 90 for row in hulls)} corners"
+    window.find("hull").get_by_text(said).wait_for()
+    # what is known stays in view while it is fetched again
+    again = "() => new Promise((shown) => { window.ecat.emitTables(); requestAnimationFrame(shown); })"
+    window.page.evaluate(again)
+    assert said in window.find("hull").inner_text()
     window.page.wait_for_function(
         "() => document.querySelector('[data-testid=space-text]').textContent.includes('head: hull')"
     )
@@ -159,12 +163,66 @@ def test_tables_that_a_stage_made_meanwhile_are_shown(served: Any, annotating: A
     )
 
 
-def test_what_the_server_cannot_write_is_told_and_is_written_later(served: Any, annotating: Any) -> None:
+def test_tables_that_were_made_before_the_page_could_be_told_are_shown(
+    served: Any, window: Callable[..., Any]
+) -> None:
+    ann, ben = window(served), window(served, author="ben")
+    lines: list[Any] = []
+    ann.page.route_web_socket("**/live", lambda line: lines.append(line))  # noqa: PLW0108
+    ann.page.reload()
+    ann.opened()
+    process_session(served.path, stages=["plane", "pose"])
+    ben.until("app.session.tables.includes('poses')")
+    assert "poses" not in ann.says("app.session.tables")
+    lines[0].connect_to_server()
+    ann.until("app.session.tables.includes('poses')")
+    assert ann.complaints == ben.complaints == []
+
+
+def test_descriptions_that_come_late_take_nothing_back(annotating: Any) -> None:
+    tables = annotating.page.evaluate("""async () => {
+        const { api } = ecat, { session } = api;
+        let asked = 0;
+        api.session = async (...which) => {
+            const nth = ++asked, answer = await session(...which);
+            if (nth > 1) return answer;
+            await new Promise((resolve) => setTimeout(resolve, 300));
+            return { ...answer, tables: ['of before'] };
+        };
+        await Promise.all([ecat.refreshSession(), ecat.refreshSession()]);
+        api.session = session;
+        return ecat.session.tables;
+    }""")
+    assert "of before" not in tables
+
+
+def test_a_layer_that_comes_late_takes_no_edit_back(annotating: Any) -> None:
+    annotating.page.evaluate("""() => {
+        const { api } = ecat, { layer } = api;
+        api.layer = async (...which) => {
+            const answer = await layer(...which);
+            window.old = answer.revision;
+            while (ecat.active.revision === answer.revision) await new Promise(requestAnimationFrame);
+            api.layer = layer;
+            setTimeout(() => (window.came = true), 50);
+            return answer;
+        };
+        ecat.onLive({ type: 'replaced', layer: 'main', revision: 0 });
+    }""")
+    annotating.until("window.old === 0")
     annotating.press("e")
-    # before it is written at the next pause
-    with locked(served.path, wait_s=1):
+    annotating.until("window.came")
+    assert annotating.says("app.document.events.list.length") == 1
+
+
+def test_what_the_server_cannot_write_is_told_and_is_written_later(served: Any, annotating: Any) -> None:
+    # the first edit begins the journal, which needs the lock
+    annotating.press("e")
+    served.layer()
+    with locked(served.path, wait_s=10):
+        annotating.press("u")
         annotating.find("toasts").get_by_text("The layer main could not be written").wait_for(timeout=30_000)
-    assert len(served.layer().events) == 1
+    assert [event.unsure for event in served.layer().events] == [True]
 
 
 def test_other_files_are_kept_with_the_session_and_removed(

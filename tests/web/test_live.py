@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from ecat.annotate import AddEvent, Editor
-from ecat.store import open_session
+from ecat.store import TableData, open_session
 from ecat.web import Server
 from ecat.web.live import MOST_WAITING, Hub
 
@@ -105,6 +105,35 @@ def test_a_page_that_comes_is_told_which_revisions_there_are(browser: Browser) -
         hello = told(live, of_type("hello"))
         assert hello["revisions"] == {"main": 1}
         assert hello["id"]
+
+
+def put_table(path: Path) -> None:
+    """What a stage does when it has found something."""
+    session = open_session(path)
+    with session.write() as commit:
+        commit.put_table("poses", TableData(data=session.table("poses").to_arrow().slice(1)))
+
+
+def test_a_table_that_is_written_right_after_the_session_was_shown_is_told(
+    browser: Browser, project: Path
+) -> None:
+    """Also before anybody looked for the first time whether there is one."""
+    shown = browser.json("")["tables_sha256"]
+    put_table(project / "slide")
+    with page(browser.server) as live:
+        noticed = told(live, of_type("hello"))["tables_sha256"] != shown
+        assert noticed or told(live, of_type("tables"))["tables"] == ["poses"]
+
+
+def test_a_page_that_comes_is_told_which_tables_there_are(browser: Browser, project: Path) -> None:
+    before = browser.json("")["tables_sha256"]
+    with page(browser.server) as live:
+        assert told(live, of_type("hello"))["tables_sha256"] == before
+        put_table(project / "slide")
+        told(live, of_type("tables"))
+    with page(browser.server) as live:
+        now = told(live, of_type("hello"))["tables_sha256"]
+        assert now == browser.json("")["tables_sha256"] != before
 
 
 def test_what_another_process_does_is_told_too(browser: Browser, project: Path) -> None:

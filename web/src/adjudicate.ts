@@ -24,22 +24,29 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   const seenKey = (): string => `ecat.adjudicated.${app.session?.id ?? ""}.${chosen.first}.${chosen.second}.${chosen.gold}`;
   let seen = new Set<string>();
 
+  let comparisons = 0;
   const compare = async (): Promise<void> => {
     const sid = app.session?.id;
+    const turn = ++comparisons;
+    // What differs between two other layers must not be decided about as if it were of these.
+    agreement = null;
+    show();
     if (sid === undefined || chosen.first === chosen.second) return;
     try {
       // Layers are compared as they were last saved.
       await Promise.all([chosen.first, chosen.second].map((name) => app.api.save(sid, name)));
-      agreement = await app.api.agreement(sid, [chosen.first, chosen.second]);
+      const found = await app.api.agreement(sid, [chosen.first, chosen.second]);
       await app.setActiveLayer(chosen.gold, false);
       await app.setShown([chosen.gold, chosen.first, chosen.second]);
+      if (turn !== comparisons) return;
+      agreement = found;
       seen = new Set(JSON.parse(localStorage.getItem(seenKey()) ?? "[]") as string[]);
       at = Math.max(0, agreement.disagreements.findIndex(isOpen));
       jump();
     } catch (error) {
       app.fail(error);
     }
-    show();
+    if (turn === comparisons) show();
   };
 
   const isOpen = (d: Disagreement): boolean => !seen.has(keyOf(d));
@@ -130,7 +137,6 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
   // Before the keys of the coding scheme, which has digits too.
   window.addEventListener("keydown", onKey, true);
   fill(host, panel);
-  show();
   void compare();
   return { destroy: () => window.removeEventListener("keydown", onKey, true) };
 }

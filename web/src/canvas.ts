@@ -34,6 +34,8 @@ class ShapeCanvas {
   private readonly offs: (() => void)[];
   private shapes: VisibleShape[] = [];
   private rings: Ring[] = [];
+  /** The object that has the grips. */
+  private gripped: string | undefined;
   private preview: Preview | null = null;
   /** Vertices of what is being drawn, image pixels; the last one moves with the pointer. */
   private draft: Point[] | null = null;
@@ -56,8 +58,8 @@ class ShapeCanvas {
     pane.element.append(this.canvas, this.handles.element, this.list);
     const queue = () => this.queue();
     this.offs = [
-      app.on("cursor", queue), app.on("layer", queue), app.on("layers", queue), app.on("selection", queue),
-      app.on("settings", () => this.onSettings()), app.on("tables", () => this.measured.clear()), pane.onView(queue), pane.onShown(queue),
+      app.on("cursor", queue), app.on("layer", queue), app.on("layers", queue), app.on("selection", () => this.onSelection()),
+      app.on("settings", () => this.onSettings()), app.on("tables", () => this.onTables()), pane.onView(queue), pane.onShown(queue),
     ];
     const on = <K extends keyof HTMLElementEventMap>(name: K, listener: (event: HTMLElementEventMap[K]) => void) =>
       this.canvas.addEventListener(name, listener);
@@ -76,6 +78,17 @@ class ShapeCanvas {
   private onSettings(): void {
     if (this.app.settings.tool === "select") this.draft = null;
     this.canvas.dataset.tool = this.app.settings.tool;
+    this.queue();
+  }
+
+  private onTables(): void {
+    this.measured.renew();
+    this.queue();
+  }
+
+  private onSelection(): void {
+    // a hand may be quicker than the next picture: it must not find the grips of what is chosen no more
+    if (this.editable()?.object.id !== this.gripped) this.handles.hide();
     this.queue();
   }
 
@@ -116,6 +129,7 @@ class ShapeCanvas {
     for (const shape of this.shapes) if (isChosen(shape)) drawShape(context, shape, pane.view, true);
     if (this.draft) drawDraft(context, this.draftOutline(), app.settings.tool === "rectangle", pane.view);
     const editable = this.editable();
+    this.gripped = editable?.object.id;
     if (editable) this.handles.show(editable.object.kind, editable.coordinates, editable.points);
     else this.handles.hide();
     clearTimeout(this.listTimer);

@@ -14,8 +14,16 @@ export interface FrameRows {
   readonly to: number;
 }
 
+interface Stretch {
+  /** What was fetched last; null while nothing has come. */
+  table: ColumnTable | null;
+  /** As of which turn it was asked for. */
+  turn: number;
+}
+
 export class Chunks {
-  private readonly kept = new Map<number, ColumnTable | null>();
+  private readonly kept = new Map<number, Stretch>();
+  private turn = 0;
 
   /** `columns` without `frame`, by which the table has to be sorted. */
   constructor(
@@ -47,26 +55,34 @@ export class Chunks {
   private chunk(index: number): ColumnTable | null {
     const { session } = this.app;
     if (session === null || !this.there) return null;
-    const found = this.kept.get(index);
-    if (found !== undefined) {
-      // the one used last goes last
-      this.kept.delete(index);
-      this.kept.set(index, found);
-      return found;
-    }
-    this.kept.set(index, null);
+    const found = this.kept.get(index) ?? { table: null, turn: -1 };
+    // the one used last goes last
+    this.kept.delete(index);
+    this.kept.set(index, found);
     if (this.kept.size > MOST_KEPT) this.kept.delete(this.kept.keys().next().value!);
-    const filter = { start_frame: index * CHUNK_FRAMES, end_frame: (index + 1) * CHUNK_FRAMES };
-    this.app.api.columns(session.id, this.table, ["frame", ...this.columns], filter).then(
-      (table) => {
-        this.kept.set(index, table);
-        this.onLoaded();
-      },
-      () => undefined, // what is not there is not drawn; asking again at every frame would not bring it
-    );
-    return null;
+    if (found.turn !== this.turn) this.fetch(session.id, index, found);
+    return found.table;
   }
 
+  private fetch(sid: string, index: number, found: Stretch): void {
+    const turn = (found.turn = this.turn);
+    const filter = { start_frame: index * CHUNK_FRAMES, end_frame: (index + 1) * CHUNK_FRAMES };
+    this.app.api.columns(sid, this.table, ["frame", ...this.columns], filter).catch(
+      () => null, // what is not there is not drawn; asking again at every frame would not bring it
+    ).then((table) => {
+      // asked again meanwhile: this is what was there before
+      if (found.turn !== turn) return;
+      found.table = table;
+      this.onLoaded();
+    });
+  }
+
+  /** Another table is there: what was fetched is shown until the new one has come. */
+  renew(): void {
+    this.turn++;
+  }
+
+  /** Forgets everything: another session is opened. */
   clear(): void {
     this.kept.clear();
   }

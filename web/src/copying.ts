@@ -42,7 +42,10 @@ export async function openCopying(app: App): Promise<void> {
   const load = (): void => {
     fill(list, h("p.muted", null, "Looking…"));
     yes.disabled = true;
-    app.api.otherObjects(sid, session.value, app.activeLayer).then((answer) => {
+    const { value } = session;
+    app.api.otherObjects(sid, value, app.activeLayer).then((answer) => {
+      // another one was chosen meanwhile: ids mean other things there
+      if (session.value !== value) return;
       objects = answer.objects;
       left.clear();
       show();

@@ -31,7 +31,7 @@ export class Hulls {
 
   constructor(app: App) {
     this.chunks = new Chunks(app, "hulls", ["object_id", "x", "y", "z", "status"], () => this.listeners.forEach((f) => f()));
-    app.on("tables", () => this.chunks.clear());
+    app.on("tables", () => this.chunks.renew());
     app.on("session", (session) => session === null && this.chunks.clear());
   }
 

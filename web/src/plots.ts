@@ -47,6 +47,7 @@ class Plots {
   private readonly offs: (() => void)[];
   private series: SeriesInfo[] = [];
   private open = false;
+  private gone = false;
   private queued = 0;
 
   constructor(
@@ -60,7 +61,7 @@ class Plots {
     if (sid === undefined) return;
     app.api.series(sid).then((series) => {
       this.series = series;
-      if (series.length) this.build();
+      if (series.length && !this.gone) this.build();
     }, () => undefined);
   }
 
@@ -231,6 +232,7 @@ class Plots {
   }
 
   destroy(): void {
+    this.gone = true;
     cancelAnimationFrame(this.queued);
     for (const off of this.offs) off();
     this.host.replaceChildren();

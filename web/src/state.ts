@@ -43,6 +43,7 @@ export class App extends View {
   /** Where the choice of a layer is remembered. */
   private layerKey = "";
   private opening = 0;
+  private turns: Promise<void> = Promise.resolve();
   private readonly early = new Map<string, RecordJson[]>();
 
   // --- the session
@@ -89,6 +90,7 @@ export class App extends View {
 
   closeSession(): void {
     this.opening++;
+    this.turns = Promise.resolve();
     this.line.close();
     this.layers.clear();
     this.early.clear();
@@ -105,11 +107,23 @@ export class App extends View {
   }
 
   /** Fetches the session's description again: streams, layers, tables, scheme. */
-  async refreshSession(): Promise<void> {
-    if (this.session === null) return;
-    this.session = await this.api.session(this.session.id, this.layers.get(this.activeLayer)?.exists ? this.activeLayer : "");
-    this.scheme = schemeFromJson(this.session.scheme);
-    this.emit("session", this.session);
+  refreshSession(): Promise<void> {
+    return this.inTurn(async (opening) => {
+      if (this.session === null) return;
+      const session = await this.api.session(this.session.id, this.layers.get(this.activeLayer)?.exists ? this.activeLayer : "");
+      if (opening !== this.opening) return;
+      this.session = session;
+      this.scheme = schemeFromJson(session.scheme);
+      this.emit("session", session);
+    });
+  }
+
+  /** What is fetched again is asked for one after the other, so that the last answer is what there is; none is, once another session is open. */
+  private inTurn(task: (opening: number) => Promise<void>): Promise<void> {
+    const { opening } = this;
+    const run = this.turns.then(() => (opening === this.opening ? task(opening) : undefined));
+    this.turns = run.catch(() => undefined);
+    return run;
   }
 
   // --- layers
@@ -170,18 +184,18 @@ export class App extends View {
   }
 
   private async load(name: string): Promise<void> {
-    const session = this.session;
+    const { session, opening } = this;
     if (session === null) throw new Error("No session is open.");
     const layer = emptyLayer(name);
     try {
       // One that nobody has made yet is made by the first edit.
       const known = session.layers.some((l) => l.name === name) || this.layers.get(name)?.elsewhere === true;
       if (known) this.put(layer, await this.api.layer(session.id, name, this.settings.author));
-      this.layers.set(name, layer);
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
-      this.layers.set(name, layer);
     }
+    // Another session may be open by now, or records may have been told that this answer does not know of.
+    if (opening === this.opening && layer.revision >= (this.layers.get(name)?.revision ?? 0)) this.layers.set(name, layer);
   }
 
   put(layer: LayerState, answer: LayerAnswer): void {
@@ -193,7 +207,7 @@ export class App extends View {
   }
 
   private reload(name: string): void {
-    this.load(name).then(() => {
+    this.inTurn(() => this.load(name)).then(() => {
       this.pruneSelection();
       this.emit("layer", { layer: name, changes: null });
     }).catch((error: unknown) => this.fail(error));
@@ -311,7 +325,7 @@ export class App extends View {
       // a layer without a history does not tell by its revision whether it is another one
       if (layer.revision < revision || (again && revision === 0 && layer.exists)) this.reload(name);
     }
-    if (again) this.refreshSession().then(() => this.emitTables()).catch(() => undefined);
+    if (again || message.tables_sha256 !== this.session?.tables_sha256) this.refreshSession().then(() => this.emitTables()).catch(() => undefined);
   }
 
   private updateSave(): void {

@@ -279,6 +279,8 @@ export interface SessionInfo {
   streams: StreamInfo[];
   layers: LayerSummary[];
   tables: string[];
+  /** Another one as soon as a stage has written a table. */
+  tables_sha256: string;
   scheme: Partial<Scheme> | null;
   schemes: string[];
   frame_rate_median: number | null;
@@ -344,7 +346,7 @@ export interface Person {
 }
 
 export type LiveMessage =
-  | { type: "hello"; id: string; revisions: Record<string, number> }
+  | { type: "hello"; id: string; revisions: Record<string, number>; tables_sha256: string }
   | { type: "record"; layer: string; record: RecordJson }
   | { type: "presence"; people: Person[] }
   | { type: "saved"; layer: string; revision: number }

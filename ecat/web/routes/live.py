@@ -10,7 +10,9 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import Field, TypeAdapter, ValidationError
 
 from ecat.errors import EcatError
+from ecat.web.answers import encoded
 from ecat.web.live import Hub, Person
+from ecat.web.sessions import OpenSession
 from ecat.web.shapes import Shape
 from ecat.web.site import Site
 
@@ -43,7 +45,7 @@ async def live(socket: WebSocket, sid: str) -> None:
         return
     await socket.accept()
     person = opened.hub.enter()
-    person.messages.put_nowait(_hello(person, opened.revisions()))
+    person.messages.put_nowait(_hello(person, opened))
     try:
         async with asyncio.TaskGroup() as both:
             sending = both.create_task(_send(socket, person))
@@ -79,7 +81,7 @@ async def _receive(socket: WebSocket, hub: Hub, person: Person) -> None:
         hub.presence_changed()
 
 
-def _hello(person: Person, revisions: dict[str, int]) -> str:
-    from ecat.web.answers import encoded
-
-    return encoded({"type": "hello", "id": person.id, "revisions": revisions}).decode()
+def _hello(person: Person, opened: OpenSession) -> str:
+    """What the page has to know to find out whether it missed anything between its first look and now."""
+    said = {"id": person.id, "revisions": opened.revisions(), "tables_sha256": opened.tables_sha256}
+    return encoded({"type": "hello", **said}).decode()

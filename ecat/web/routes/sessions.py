@@ -12,7 +12,7 @@ from ecat.store.media import annotated_stream
 from ecat.web.answers import json_answer
 from ecat.web.layers import SharedLayer
 from ecat.web.proxies import Proxy, describe
-from ecat.web.sessions import OpenSession
+from ecat.web.sessions import OpenSession, tables_sha256
 from ecat.web.shapes import Invitation, ProjectShape, SessionShape
 from ecat.web.site import TheSession, TheSite
 
@@ -43,7 +43,9 @@ async def session(
 
 
 def _described(opened: OpenSession, shared: SharedLayer | None) -> dict[str, Any]:
-    manifest, facts = opened.session.manifest, opened.facts()
+    # first of all: what follows is of this state or of a later one
+    session = opened.session
+    manifest, facts = session.manifest, opened.facts()
     video = annotated_stream(manifest)
     made = opened.proxies(make=True)
     streams = [
@@ -70,6 +72,7 @@ def _described(opened: OpenSession, shared: SharedLayer | None) -> dict[str, Any
         "streams": streams,
         "layers": opened.describe_layers(),
         "tables": [record.name for record in manifest.tables],
+        "tables_sha256": tables_sha256(session),
         "scheme": opened.describe_scheme(shared),
         "schemes": scheme_names(opened.session),
         **{

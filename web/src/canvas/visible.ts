@@ -75,10 +75,10 @@ export class Measured {
     this.joints = new Chunks(app, "joints", ["object_id", "body", "joint", "u_px", "v_px", "state"], onLoaded);
   }
 
-  /** Forgets what was fetched: it is another by now. */
-  clear(): void {
-    this.markers.clear();
-    this.joints.clear();
+  /** Fetches again what is shown: it is another by now. */
+  renew(): void {
+    this.markers.renew();
+    this.joints.renew();
   }
 
   rings(frame: number): Ring[] {

@@ -11,7 +11,10 @@ export function elsewhere(app: App, choose: (target: string, label: string) => v
   const sid = app.session?.id ?? "";
   const loadObjects = (): void => {
     object.disabled = true;
-    app.api.otherObjects(sid, session.value, app.activeLayer).then(({ objects }) => {
+    const { value } = session;
+    app.api.otherObjects(sid, value, app.activeLayer).then(({ objects }) => {
+      // another one was chosen meanwhile: ids mean other things there
+      if (session.value !== value) return;
       fill(object, h("option", { value: "" }, objects.length === 0 ? "it has none" : "choose…"), objects.map((o) => h("option", { value: o.id }, o.name || o.id)));
       object.disabled = objects.length === 0;
     }).catch((error: unknown) => app.fail(error));

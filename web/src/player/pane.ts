@@ -232,6 +232,7 @@ export class Pane {
     this.video.cancelVideoFrameCallback(this.presentHandle);
     // what is presented when playing stops may be one image further than what was told
     this.shown = -1;
+    delete this.element.dataset.frame;
   }
 
   private paint(bitmap: ImageBitmap, k: number): void {
