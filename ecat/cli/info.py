@@ -10,6 +10,7 @@ import click
 
 from ecat.cli.output import Output
 from ecat.cli.text import columns, count, duration, listing
+from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ COUNTED = ("frames", "objects", "events", "relations")
 
 
 @verb("info", examples=("ecat info my_session", "ecat info my_project --json", "ecat info option.txt"))
-@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace, or a file.")
-def command(out: Output, path: Path) -> None:
+@click.argument("path", type=Place(), help="A session, project or workspace (also at a URL), or a file.")
+def command(out: Output, path: Path | str) -> None:
     """Say what is in a session, project or workspace, or in a file.
 
     Name, frames, duration, clock, cameras, streams, annotation layers, tables with the stage that made each,
@@ -34,8 +35,10 @@ def command(out: Output, path: Path) -> None:
     coordinateMapping.dat, *.glyph, VoxML, bodyScheme.xml, rig_*.xml, *.dep, and the event exports.
     """
     from ecat.cli.describe import describe
+    from ecat.store import remote
 
-    found = describe(path)
+    with remote.all_at_hand(path) as place:
+        found = describe(place)
     as_text = {"session": session_text, "file": file_text}.get(found["kind"], project_text)
     out.result(found, as_text(found))
 

@@ -11,6 +11,7 @@ import click
 
 from ecat.cli.output import Output
 from ecat.cli.text import columns, count
+from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 from ecat.errors import UsageError
 
@@ -28,7 +29,7 @@ _WIDEST = 60
         'ecat query my_project "select session, avg(sigma_m) from poses group by session" --to sigma.csv',
     ),
 )
-@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
+@click.argument("path", type=Place(), help="A session, project or workspace; also a URL (s3://...).")
 @click.argument("question", required=False, help="A SELECT, in DuckDB's SQL; - reads it from the input.")
 @click.option("--tables", is_flag=True, help="List the tables and what their columns mean.")
 @click.option(
@@ -41,7 +42,9 @@ _WIDEST = 60
     show_default=True,
     help="How many rows to print.",
 )
-def command(out: Output, path: Path, question: str | None, tables: bool, dest: Path | None, rows: int) -> int:
+def command(
+    out: Output, path: Path | str, question: str | None, tables: bool, dest: Path | None, rows: int
+) -> int:
     """Ask all sessions of a project a question in SQL.
 
     Every table of the sessions is a table of the same name with the rows of all, and says in the column `session` which
@@ -49,9 +52,11 @@ def command(out: Output, path: Path, question: str | None, tables: bool, dest: P
     changes nothing.
     """
     from ecat import query
+    from ecat.store import remote
 
     if tables:
-        _list_tables(out, query.tables_at(path))
+        with remote.all_at_hand(path) as folder:
+            _list_tables(out, query.tables_at(folder))
         return 0
     if question is None:
         raise UsageError(
@@ -60,15 +65,19 @@ def command(out: Output, path: Path, question: str | None, tables: bool, dest: P
             fix=f"ecat query {path} 'select * from sessions'",  # noqa: S608  (a hint)
         )
     asked = sys.stdin.read() if question == "-" else question
-    with out.progress() as progress, query.open_database(path, progress=progress) as database:
+    with (
+        out.progress() as progress,
+        remote.all_at_hand(path) as folder,
+        query.open_database(folder, progress=progress) as database,
+    ):
         answer = database.ask(asked)
         if dest is None:
             _print(out, answer, rows)
         else:
             n = query.write_answer(answer, dest)
             out.result({"path": str(dest), "rows": n}, f"wrote {count(n, 'row')} to {dest}")
-        for folder, error in database.failures:
-            click.echo(f"{folder} was not asked: {error}", err=True)
+        for session, error in database.failures:
+            click.echo(f"{session} was not asked: {error}", err=True)
     return 1 if database.failures else 0
 
 

@@ -9,6 +9,7 @@ import click
 
 from ecat.cli.output import Output
 from ecat.cli.text import columns, count, duration
+from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 
 if TYPE_CHECKING:
@@ -31,21 +32,22 @@ TITLES = {
         "ecat stats my_project --json",
     ),
 )
-@click.argument("path", type=click.Path(path_type=Path), help="A session, project or workspace.")
+@click.argument("path", type=Place(), help="A session, project or workspace; also a URL (s3://...).")
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="Draw them, too: a .png, .svg or .pdf file, which is replaced if it is one.",
 )
-def command(out: Output, path: Path, plot: Path | None) -> int:
+def command(out: Output, path: Path | str, plot: Path | None) -> int:
     """Say what is in a project: counts, durations, coverage, and how far annotators agree."""
     from ecat import query
+    from ecat.store import remote
 
-    with out.progress() as progress:
-        found = query.statistics(path, progress=progress)
-    if plot is not None:
-        query.plot_statistics(found, plot, path.resolve().name)
+    with out.progress() as progress, remote.all_at_hand(path) as folder:
+        found = query.statistics(folder, progress=progress)
+        if plot is not None:
+            query.plot_statistics(found, plot, folder.resolve().name)
     data: dict[str, Any] = {name: rows for name, rows in found.parts.items() if name != "lengths"}
     data["agreement"] = found.agreement
     data["failures"] = [{"path": str(folder), "error": error.to_dict()} for folder, error in found.failures]

@@ -8,23 +8,25 @@ import click
 
 from ecat.cli.output import Output
 from ecat.cli.text import shell
+from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 
 
 @verb("view", examples=("ecat view my_session", "ecat view my_session --save my_session.rrd"))
-@click.argument("session", type=click.Path(path_type=Path), help="The session to show.")
+@click.argument("session", type=Place(), help="The session to show; also a URL (s3://...).")
 @click.option(
     "--save", type=click.Path(path_type=Path), metavar="FILE.rrd", help="Write a recording instead."
 )
-def command(out: Output, session: Path, save: Path | None) -> None:
+def command(out: Output, session: Path | str, save: Path | None) -> None:
     """Show a session in the Rerun viewer.
 
     Images, markers, boxes, table and skeletons in space, events and relations on the same timeline.
     """
     from ecat import store, view
+    from ecat.store import remote
 
-    opened = store.open_session(session)
-    with out.progress() as progress:
+    with out.progress() as progress, remote.at_hand(session) as folder:
+        opened = store.open_session(folder)
         if save is None:
             findings = view.open_viewer(opened, progress=progress)
         else:

@@ -83,24 +83,28 @@ def fetched(url: str, *, media: bool = True) -> Generator[Path]:
     """
     with tempfile.TemporaryDirectory(prefix="ecat-") as scratch:
         folder = Path(scratch) / (PurePosixPath(url).name or "session")
-        folder.mkdir()
-        data = read_manifest(url)
-        manifest = parse_manifest(data, Path(PurePosixPath(url).name) / SESSION_FILE, Manifest)
-        with _typed(f"cannot fetch the session at {url}", url):
-            system, root = open_url(url)
-            for name in _named(manifest, media=media):
-                target = files.confined(folder, name)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                system.get_file(f"{root}/{name}", str(target))
-        (folder / SESSION_FILE).write_bytes(data)
-        if read_manifest(url) != data:
-            raise StaleError(
-                f"cannot fetch the session at {url}",
-                where="it was changed while it was fetched",
-                consequence="nothing was taken from it",
-                fix="try again",
-            )
+        _fetch_session(url, folder, media=media)
         yield folder
+
+
+def _fetch_session(url: str, folder: Path, *, media: bool) -> None:
+    data = read_manifest(url)
+    manifest = parse_manifest(data, Path(PurePosixPath(url).name) / SESSION_FILE, Manifest)
+    folder.mkdir(parents=True)
+    with _typed(f"cannot fetch the session at {url}", url):
+        system, root = open_url(url)
+        for name in _named(manifest, media=media):
+            target = files.confined(folder, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            system.get_file(f"{root}/{name}", str(target))
+    (folder / SESSION_FILE).write_bytes(data)
+    if read_manifest(url) != data:
+        raise StaleError(
+            f"cannot fetch the session at {url}",
+            where="it was changed while it was fetched",
+            consequence="nothing was taken from it",
+            fix="try again",
+        )
 
 
 def _named(manifest: Manifest, *, media: bool) -> Iterable[str]:
@@ -119,6 +123,24 @@ def at_hand(place: Path | str, *, media: bool = True) -> Generator[Path]:
         return
     with fetched(place, media=media) as folder:
         yield folder
+
+
+@contextmanager
+def all_at_hand(place: Path | str) -> Generator[Path]:
+    """All sessions at or below ``place`` on this machine, for the time of the block; of those at a URL without media.
+
+    Raises
+    ------
+    NotFoundError : there is none at the URL.
+    """
+    if isinstance(place, Path):
+        yield place
+        return
+    with tempfile.TemporaryDirectory(prefix="ecat-") as scratch:
+        top = Path(scratch) / (PurePosixPath(place).name or "sessions")
+        for url in find_sessions(place):
+            _fetch_session(url, files.confined(top, url.removeprefix(place).strip("/") or "."), media=False)
+        yield top
 
 
 @contextmanager

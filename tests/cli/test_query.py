@@ -11,6 +11,8 @@ import pytest
 if TYPE_CHECKING:
     from conftest import Ecat
 
+from ecat.store import remote
+
 pytest.importorskip("duckdb", reason="DuckDB is not installed: pip install 'ecat[query]'")
 
 COUNT = "select type, count(*) as n from events group by type order by n desc, type"
@@ -85,3 +87,19 @@ def test_a_session_that_cannot_be_read_is_named_and_the_others_are_counted(
     found = ecat("query", tmp_path, "select count(*) as n from sessions")
     assert (found.code, found.out.split()) == (1, ["n", "1"])
     assert "cannot read session.json" in found.err
+
+
+def test_sessions_at_a_url_are_asked_counted_shown_and_described(
+    ecat: Ecat, session: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'ecat[remote]'")
+    remote.send(session, f"memory://lab/{tmp_path.name}/one")
+    url = f"memory://lab/{tmp_path.name}"
+    assert ecat("query", url, COUNT, "--json").json == ecat("query", session.parent, COUNT, "--json").json
+    assert "events" in ecat("query", url, "--tables").out
+    assert ecat("stats", url).out.startswith("1 session")
+    assert ecat("info", f"{url}/one").out.startswith("session ")
+    saved = ecat("view", f"{url}/one", "--save", tmp_path / "one.rrd")
+    assert saved.code == 0
+    assert (tmp_path / "one.rrd").stat().st_size > 1000
+    assert ecat("query", "memory://nowhere", COUNT).code == 1

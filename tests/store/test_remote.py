@@ -88,6 +88,22 @@ def test_media_can_be_left_where_they_are(place: str, tmp_path: Path) -> None:
         assert open_session(folder).events.num_rows == 1
 
 
+def test_all_sessions_are_brought_without_their_media(place: str, tmp_path: Path) -> None:
+    for name in ("b", "a/two", "a/one"):
+        make(tmp_path / "p" / name)
+    remote.send(tmp_path / "p", f"{place}/p")
+    with remote.all_at_hand(f"{place}/p") as folder:
+        assert folder.name == "p"
+        assert tree(folder) == tree(tmp_path / "p")
+    assert not folder.exists()
+    with remote.all_at_hand(f"{place}/p/b") as folder:
+        assert open_session(folder).events.num_rows == 1
+    with pytest.raises(NotFoundError), remote.all_at_hand(f"{place}/q"):
+        pass
+    with remote.all_at_hand(tmp_path) as folder:
+        assert folder == tmp_path
+
+
 def test_what_is_written_appears_when_it_is_whole(place: str, tmp_path: Path) -> None:
     with remote.sent(f"{place}/out") as path:
         (path / "inner").mkdir(parents=True)
