@@ -32,8 +32,9 @@ format: $(VENV)/.installed-dev  ## format the code and mend what the linter can 
 bench: $(VENV)/.installed-test  ## measure the speed of the parts
 	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
 
-docs: $(VENV)/.installed  ## write docs/cli.md, schemas/ and web/openapi.json anew from the code
+docs: $(VENV)/.installed  ## write docs/cli.md, the README's formats, schemas/ and web/openapi.json anew from the code
 	$(PY) -m ecat.cli.reference > docs/cli.md.new && mv docs/cli.md.new docs/cli.md
+	$(PY) -m ecat.cli.reference README.md
 	$(PY) -m ecat.schemas
 	$(PY) -m ecat.web.openapi > web/openapi.json.new && mv web/openapi.json.new web/openapi.json
 

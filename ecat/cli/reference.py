@@ -1,16 +1,23 @@
-"""``python -m ecat.cli.reference`` prints ``docs/cli.md`` from the help texts."""
+"""``python -m ecat.cli.reference`` prints ``docs/cli.md`` from the help texts.
+
+``python -m ecat.cli.reference README.md`` writes its table of formats anew, from the registry and ``docs/formats``.
+"""
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import click
 
 from ecat.cli.app import VERBS, app
 from ecat.cli.verb import SETTINGS, Group
+from ecat.formats import registry
 
 WIDTH = 100
+BEGIN, END = "<!-- formats: written by make docs -->\n", "<!-- end of formats -->"
 INTRODUCTION = """\
 # The command line
 
@@ -62,5 +69,48 @@ def _section(title: str, context: click.Context) -> str:
     return f"## {title}\n\n```\n{text}\n```\n"
 
 
+def with_formats(readme: str, docs: Path) -> str:
+    """The text of the README with the table of formats as the registry has it.
+
+    Parameters
+    ----------
+    docs : the folder of the pages, one of which has each format in a heading or in front of a row of a table.
+    """
+    head, _, rest = readme.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    # other pages have tables of options, which may be called as a recording is
+    paths = sorted(docs.glob("*.md"), key=lambda path: (path.stem != "recordings", path.name))
+    pages = {path.name: path.read_text("utf-8") for path in paths}
+    mark = {True: "yes", False: ""}
+    lines = ["| format | reads | writes | what it is |", "|---|---|---|---|"]
+    for known in sorted(registry.all_formats(), key=lambda known: known.name):
+        link = f"[{known.name}](docs/formats/{page_of(known.name, pages)})"
+        lines.append(f"| {link} | {mark[known.reads]} | {mark[known.writes]} | {known.description} |")
+    return "\n".join([f"{head}{BEGIN}", *lines, f"{END}{tail}"])
+
+
+def page_of(name: str, pages: Mapping[str, str]) -> str:
+    """The page that explains the format of this name.
+
+    Raises
+    ------
+    LookupError : there is none.
+    """
+    place = re.compile(rf"^(#.*[ ,]{re.escape(name)}(?![\w-])|\| `{re.escape(name)}`)", re.MULTILINE)
+    for page, text in pages.items():
+        if place.search(text):
+            return page
+    raise LookupError(f"no page in docs/formats explains {name}")
+
+
+def main(path: str = "") -> None:
+    """Print the reference, or write the README at ``path`` anew."""
+    if not path:
+        sys.stdout.write(reference())
+        return
+    readme = Path(path)
+    readme.write_text(with_formats(readme.read_text("utf-8"), readme.parent / "docs" / "formats"), "utf-8")
+
+
 if __name__ == "__main__":
-    sys.stdout.write(reference())
+    main(*sys.argv[1:])

@@ -12,8 +12,9 @@ import click
 import pytest
 
 from ecat.cli.app import VERBS, app
-from ecat.cli.reference import reference
+from ecat.cli.reference import page_of, reference, with_formats
 from ecat.cli.verb import Group, Verb, leaves
+from ecat.formats import registry
 
 if TYPE_CHECKING:
     from conftest import Ecat
@@ -98,3 +99,18 @@ def test_help_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == ""
+
+
+def test_the_formats_of_the_readme_are_those_of_the_registry_and_each_has_a_page() -> None:
+    readme = REFERENCE.parents[1] / "README.md"
+    text = readme.read_text("utf-8")
+    assert with_formats(text, readme.parent / "docs" / "formats") == text, "make docs writes it anew"
+    assert text.count("\n| [") == len(registry.all_formats())
+
+
+def test_a_format_without_a_page_is_told() -> None:
+    pages = {"a.md": "# Data: parquet, torch\n", "b.md": "| `csv` | yes |\n"}
+    assert [page_of(name, pages) for name in ("torch", "parquet", "csv")] == ["a.md", "a.md", "b.md"]
+    for name in ("tor", "quet", "sv"):
+        with pytest.raises(LookupError, match=name):
+            page_of(name, pages)
