@@ -1,7 +1,8 @@
 """How fast windows come out of a loader with one worker: ``ecat.datasets.Windows`` beside ``LeRobotDataset``.
 
-The same generated recording is exported as ``torch`` and as ``lerobot``, and the same number of shuffled samples is
-read from both, in turns: some states and actions up to a moment, and the image of that moment or of all of them.
+The same generated recording is exported as ``torch``, with JPEG images and with raw ones, and as ``lerobot``, and the
+same number of shuffled samples is read from each, in turns: some states and actions up to a moment, and the image of
+that moment or of all of them.
 
 ``python benchmarks/loader.py --lerobot .venv/lerobot/bin/python`` (``tests/conformance/lerobot_env.sh`` makes it)
 """
@@ -169,14 +170,17 @@ def compare(lerobot: str | None, n_samples: int, n_frames: int) -> None:
         folder = Path(place)
         record(folder / "project", n_frames)
         # lerobot 0.4 does not know the columns of language that 0.6 reads
-        for name, options in (("torch", {}), ("lerobot", {"language": "none"})):
-            formats.export(folder / "project", folder / name, format=name, options=options)
+        made = (("torch", {}), ("raw", {"images": "raw"}), ("lerobot", {"language": "none"}))
+        for name, options in made:
+            written = "lerobot" if name == "lerobot" else "torch"
+            formats.export(folder / "project", folder / name, format=written, options=options)
         print(f"{'images':8}{'loader':10}{'samples/s':>12}{'per processor s':>18}")
         for frames in ("last", "all"):
             n = n_samples if frames == "last" else n_samples // 4
-            rates: dict[str, list[dict[str, float]]] = {"ecat": [], "lerobot": []}
+            rates: dict[str, list[dict[str, float]]] = {"torch": [], "raw": [], "lerobot": []}
             for _ in range(2):
-                rates["ecat"].append(run(sys.executable, "ecat", folder / "torch", frames, 4 * n))
+                for name in ("torch", "raw"):
+                    rates[name].append(run(sys.executable, "ecat", folder / name, frames, 4 * n))
                 if lerobot:
                     rates["lerobot"].append(run(lerobot, "lerobot", folder / "lerobot", frames, n))
             best = {
@@ -186,9 +190,11 @@ def compare(lerobot: str | None, n_samples: int, n_frames: int) -> None:
             }
             for kind, rate in best.items():
                 print(f"{frames:8}{kind:10}{rate['wall']:12,.0f}{rate['processor']:18,.0f}")
-            if lerobot:
-                ratio = {by: best["ecat"][by] / best["lerobot"][by] for by in ("wall", "processor")}
-                print(f"{frames:8}{'ratio':10}{ratio['wall']:12.1f}{ratio['processor']:18.1f}", flush=True)
+            for name in ("torch", "raw") if lerobot else ():
+                ratio = {by: best[name][by] / best["lerobot"][by] for by in ("wall", "processor")}
+                print(
+                    f"{frames:8}{name + ' x':10}{ratio['wall']:12.1f}{ratio['processor']:18.1f}", flush=True
+                )
 
 
 def main() -> None:

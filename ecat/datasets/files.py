@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import CorruptError, NotFoundError
 from ecat.formats.datasets.arrays import mapped
+from ecat.formats.datasets.images import decode_image
 from ecat.formats.datasets.torch_format import ABOUT, EPISODES, MATRICES, ROWS, VERSION
 
 _MOST_BYTES = 16 << 20
@@ -36,14 +37,12 @@ class Stored:
         return (Stored, (self.folder,))
 
     def image(self, stream: str, row: int) -> NDArray[np.uint8]:
-        """The image (3, H, W) of a moment, red, green, blue; black where the stream has none.
+        """The image (3, H, W) of a moment, red, green, blue, perhaps a view; black where the stream has none.
 
         Raises
         ------
         CorruptError : it is not an image.
         """
-        import cv2
-
         if stream not in self._blobs:
             self._open(stream)
         offsets = self._offsets[stream]
@@ -51,15 +50,15 @@ class Stored:
         if start == end:
             return np.zeros(self._shape(stream), np.uint8)
         data = np.frombuffer(self._blobs[stream], np.uint8, end - start, start)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        image = decode_image(data)
         if image is None:
             raise CorruptError(
                 f"cannot read image {row:,} of {stream}",
-                where=f"{self.folder}: bytes {start:,} to {end:,} of images/{stream}.bin are no JPEG",
+                where=f"{self.folder}: bytes {start:,} to {end:,} of images/{stream}.bin are no image",
                 consequence="the sample was not made",
                 fix="export the data set again",
             )
-        return np.ascontiguousarray(image[:, :, ::-1].transpose(2, 0, 1), np.uint8)
+        return image
 
     def _open(self, stream: str) -> None:
         stem = self.folder / "images" / stream.replace("/", "_")

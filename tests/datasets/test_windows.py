@@ -21,9 +21,14 @@ torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip insta
 def folder(make: Make, tmp_path: Path) -> Path:
     """Episodes of 20, 7 and 12 moments; the last one with images."""
     make("a", Span(0, 20, "slide"), Span(30, 37, "push"))
-    project = make("b", Span(40, 52, "slide"), number=2, film=True).parent
-    formats.export(project, tmp_path / "data", format="torch")
-    return tmp_path / "data"
+    make("b", Span(40, 52, "slide"), number=2, film=True)
+    return export(tmp_path)
+
+
+def export(place: Path, **options: str) -> Path:
+    dest = place / f"data{''.join(options.values())}"
+    formats.export(place / "project", dest, format="torch", options=options)
+    return dest
 
 
 def windows(folder: Path, **more: Any) -> Any:
@@ -80,6 +85,19 @@ def test_images_come_as_red_green_blue_and_are_black_where_there_is_none(folder:
     every = windows(folder, length=5, stride=5, images=["color"], frames="all")[len(found) - 2]
     means = every["images.color"].float().mean((1, 2, 3))
     np.testing.assert_allclose(means, 4 * np.arange(40, 45), atol=3)
+
+
+def test_raw_images_are_read_as_jpeg_ones_are(folder: Path) -> None:
+    raw = export(folder.parent, images="raw")
+    for frames in ("last", "all"):
+        wanted = windows(folder, length=5, stride=5, images=["color"], frames=frames)
+        found = windows(raw, length=5, stride=5, images=["color"], frames=frames)
+        assert len(found) == len(wanted)
+        for one, other in zip(found, wanted, strict=True):
+            assert one["images.color"].shape == other["images.color"].shape
+            assert one["images.color"].is_contiguous()
+            difference = one["images.color"].int() - other["images.color"].int()
+            assert int(difference.abs().max()) <= 3
 
 
 def test_episodes_can_be_chosen_and_samples_changed(folder: Path) -> None:

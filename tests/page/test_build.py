@@ -29,6 +29,12 @@ def test_it_was_built_from_these_sources() -> None:
     assert record["sources_sha256"] == digest.hexdigest(), "npm run build in web, and commit what it wrote"
 
 
+def test_every_file_that_it_names_is_there() -> None:
+    named = re.findall(r'(?:src|href)="\./([^"]+)"', (STATIC / "index.html").read_text(encoding="utf-8"))
+    assert named
+    assert [name for name in named if not (STATIC / name).is_file()] == []
+
+
 def test_it_weighs_less_than_300_kilobytes_compressed() -> None:
     sizes = {
         path.name: len(gzip.compress(path.read_bytes(), 9)) for path in STATIC.rglob("*") if path.is_file()

@@ -1,4 +1,4 @@
-"""The images that episodes show, small and compressed, each by itself."""
+"""The images that episodes show, small, each by itself: as JPEG, or as its numbers."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from ecat.formats.datasets.options import DatasetOptions
 from ecat.formats.episodes import Episode, image_streams
 from ecat.store import Session
 from ecat.store.media import StreamImages, open_images
+
+PLANES = b"RGB8"
+"""What a raw image begins with: height and width follow, uint16 each, then three planes of bytes."""
 
 
 class EpisodeImages(AbstractContextManager["EpisodeImages"]):
@@ -38,8 +41,8 @@ class EpisodeImages(AbstractContextManager["EpisodeImages"]):
     ) -> None:
         self._stack.close()
 
-    def jpegs(self, episode: Episode, name: str) -> Iterator[bytes]:
-        """The image of each moment as JPEG; nothing where the stream has none."""
+    def encoded(self, episode: Episode, name: str) -> Iterator[bytes]:
+        """The image of each moment as the options want it, see :func:`decode_image`; nothing where there is none."""
         shown = episode.images[name]
         wanted = np.unique(shown[shown >= 0])
         images = self._open[name].read([int(index) for index in wanted])
@@ -50,18 +53,37 @@ class EpisodeImages(AbstractContextManager["EpisodeImages"]):
                 continue
             # images are shown in their order, and some twice
             while index < moment:
-                index, encoded = int(wanted[np.searchsorted(wanted, index + 1)]), self._jpeg(next(images))
+                index, encoded = int(wanted[np.searchsorted(wanted, index + 1)]), self._encoded(next(images))
             yield encoded
 
-    def _jpeg(self, image: NDArray[np.uint8]) -> bytes:
+    def _encoded(self, image: NDArray[np.uint8]) -> bytes:
         import cv2
 
         height = self._options.height
         if height is not None and height < image.shape[0]:
             width = max(1, round(image.shape[1] * height / image.shape[0]))
             image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        if self._options.images == "raw":
+            size = np.array(image.shape[:2], "<u2").tobytes()
+            return PLANES + size + image[:, :, ::-1].transpose(2, 0, 1).tobytes()
         _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._options.quality])
         return encoded.tobytes()
+
+
+def decode_image(data: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+    """The image (3, H, W) that :meth:`EpisodeImages.encoded` made bytes of: red, green, blue; None if it is none.
+
+    Of numbers, which need no decoding, it is a view of ``data``.
+    """
+    import cv2
+
+    head = len(PLANES) + 4
+    if data[: len(PLANES)].tobytes() == PLANES and len(data) > head:
+        height, width = data[len(PLANES) : head].view("<u2").tolist()
+        planes = data[head:]
+        return planes.reshape(3, height, width) if len(planes) == 3 * height * width else None
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    return None if image is None else np.asarray(image[:, :, ::-1].transpose(2, 0, 1), np.uint8)
 
 
 def _chosen(session: Session, options: DatasetOptions) -> tuple[str, ...]:

@@ -13,7 +13,9 @@ from ecat.formats.options import option
 class DatasetOptions(EpisodeOptions):
     """Options of all data sets, besides those of episodes."""
 
-    images: Literal["jpeg", "none"] = option("jpeg", "colour images of each moment as JPEG, or none")
+    images: Literal["jpeg", "raw", "none"] = option(
+        "jpeg", "colour images of each moment as JPEG, raw (large, and read without decoding), or none"
+    )
     height: int | None = option(
         240, "rows of the images, which keep their shape; as recorded", least=16, most=8192
     )
@@ -21,3 +23,10 @@ class DatasetOptions(EpisodeOptions):
     streams: str = option(
         "", "only these streams of images, with commas between them; otherwise all colour ones"
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackedOptions(DatasetOptions):
+    """Options of data sets whose readers know JPEG."""
+
+    images: Literal["jpeg", "none"] = option("jpeg", "colour images of each moment as JPEG, or none")

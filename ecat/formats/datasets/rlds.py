@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from ecat.errors import InputError, UsageError
 from ecat.formats.datasets import torch_format
 from ecat.formats.datasets.made import Columns, Made
-from ecat.formats.datasets.options import DatasetOptions
+from ecat.formats.datasets.options import PackedOptions
 from ecat.formats.datasets.tfrecord import RECORD, Blobs, Value, example_size, write_example
 from ecat.formats.episodes import clock_method
 from ecat.formats.format import Format, Part
@@ -52,7 +52,7 @@ _FEATURES = "tensorflow_datasets.core.features."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RldsOptions(DatasetOptions):
+class RldsOptions(PackedOptions):
     """Options of the format, besides those of data sets."""
 
     name: str = option("ecat", "of the data set: small letters, digits and _, a letter first")

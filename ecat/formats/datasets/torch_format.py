@@ -7,7 +7,7 @@
     action.npy          (n, A) float32
     label.npy           (n,) int16, the episode's label
     part.npy            (n,) int16, label of the innermost part of the event at this moment, -1 without one
-    images/<stream>.bin images one after the other, JPEG; <stream>.npy (n + 1,) uint64, where each begins
+    images/<stream>.bin images one after the other, JPEG or raw; <stream>.npy (n + 1,) uint64, where each begins
 
 What it cannot carry: relations, shapes, depth images, and what happens between the moments.
 """
@@ -131,8 +131,8 @@ class _Writer(ExitStack):
         self._files["label"].write(np.full(n, _index(about.labels, _label(episode))))
         self._files["part"].write(_parts(episode, about.parts))
         for name, blobs in self._images.items():
-            for jpeg in images.jpegs(episode, name):
-                blobs.write(jpeg)
+            for image in images.encoded(episode, name):
+                blobs.write(image)
         about.rows += n
         about.episodes += 1
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ecat.errors import InputError
 from ecat.formats.datasets import torch_format
 from ecat.formats.datasets.made import Columns, Made
-from ecat.formats.datasets.options import DatasetOptions
+from ecat.formats.datasets.options import PackedOptions
 from ecat.formats.episodes import clock_method
 from ecat.formats.format import Format, Part
 from ecat.formats.options import option
@@ -43,7 +43,7 @@ _NAME = 48
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WebDatasetOptions(DatasetOptions):
+class WebDatasetOptions(PackedOptions):
     """Options of the format, besides those of data sets."""
 
     samples: Literal["window", "episode"] = option("window", "what becomes one sample")

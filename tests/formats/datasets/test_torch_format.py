@@ -12,6 +12,9 @@ import pytest
 
 from ecat import formats
 from ecat.errors import InputError
+from ecat.formats.datasets.images import PLANES, decode_image
+from ecat.store import open_session
+from ecat.store.media import open_images
 from tests.formats.datasets.moments import Make, Span
 
 GRASP = Span(10, 40, parts=(("grasp", 10, 20), ("hold", 15, 40), ("move", 20, 35)))
@@ -101,6 +104,30 @@ def test_images_are_made_as_large_as_asked_or_left_out(make: Make) -> None:
     assert decoded(data).shape == (24, 32, 3)
     formats.export(project, project.with_name("without"), format="torch", options={"images": "none"})
     assert list((project.with_name("without") / "images").iterdir()) == []
+
+
+def test_raw_images_are_those_of_the_recording(make: Make) -> None:
+    path = make("a", Span(0, 5), film=True)
+    folder = exported(path.parent, images="raw", height="")
+    data = np.fromfile(folder / "images" / "color.bin", np.uint8)
+    offsets = load(folder, "images/color").astype(int)
+    with open_images(open_session(path), "color") as images:
+        for moment, image in enumerate(images.read(range(5))):
+            planes = decode_image(data[offsets[moment] : offsets[moment + 1]])
+            assert planes is not None
+            np.testing.assert_array_equal(planes.transpose(1, 2, 0)[:, :, ::-1], image)
+
+
+def test_bytes_that_are_no_image_are_none() -> None:
+    for data in (
+        b"",
+        b"R",
+        PLANES,
+        PLANES + b"\2\0\2\0" + bytes(11),
+        PLANES + b"\2\0\2\0" + bytes(13),
+        b"jpeg",
+    ):
+        assert decode_image(np.frombuffer(data, np.uint8)) is None
 
 
 def test_the_same_sessions_give_the_same_bytes(make: Make, tmp_path: Path) -> None:
