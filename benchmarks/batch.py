@@ -1,8 +1,8 @@
 """Many small sessions: how much faster two processes are than one, Ray against processes, and memory.
 
 ``python benchmarks/batch.py [--sessions 1000] [--engines processes,ray]``: small generated sessions are exported
-(``--format parquet``), and processed, by one process, by two, and as Ray tasks on this machine; the results are
-compared byte by byte.  Each run is a program of its own; its greatest memory is that of the program that joins, which
+(``--format parquet``), and a tenth of them processed, by one process, by two, and as Ray tasks on this machine; the
+results are compared byte by byte.  Each run is a program of its own; its greatest memory is that of the program that joins, which
 must not grow with the number of sessions (a tenth of them is exported for comparison).  Times are on the clock and mean
 little on a machine that does something else as well; the runs take turns, and the best of each counts.
 """
@@ -41,7 +41,7 @@ RUNS = {
 
 def make(folder: Path, n: int) -> None:
     """Copies of a few generated sessions, which differ in name only."""
-    models = [folder.with_name(f"model{i}") for i in range(min(KINDS, n))]
+    models = [folder.with_name(f"{folder.name}-model{i}") for i in range(min(KINDS, n))]
     for seed, model in enumerate(models):
         create_session(model, sample_session(seed=seed, actions=("next",), name=f"s{seed}")[0])
     for i in range(n):
@@ -96,7 +96,7 @@ def main() -> None:
         make(tenth, max(arguments.sessions // 10, 1))
         print(f"{arguments.sessions} sessions; {len(os.sched_getaffinity(0))} processors")
         export(project, tenth, runs, arguments.repeats)
-        process(project, runs)
+        process(tenth, runs)
 
 
 def export(project: Path, tenth: Path, runs: dict[str, list[str]], repeats: int) -> None:

@@ -1,0 +1,204 @@
+"""``ecat learn qsr``: qualitative spatial relations of the tracks in a Parquet file."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ecat.cli.output import Output
+from ecat.cli.text import count
+from ecat.cli.verb import verb
+from ecat.errors import UsageError
+
+if TYPE_CHECKING:
+    from learn.features.qsr import Relation
+
+NAMES = (
+    *("cardir", "mos", "argd", "argprobd", "qtcbs", "qtccs", "qtcbcs"),
+    *("rcc2", "rcc3", "rcc4", "rcc5", "rcc8", "ra", "mwe", "tpcc"),
+)
+"""As in the library, which is too slow to import for a help text."""
+
+
+@verb(
+    "qsr",
+    examples=(
+        "ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",
+        "ecat learn qsr tracks.parquet --relation argd --thresholds close=0.1,near=0.5,far=2 -o argd.parquet",
+        "ecat learn qsr tracks.parquet --relation qtccs --quantisation 0.01 --collapse --validate -o qtc.parquet",
+    ),
+)
+@click.argument(
+    "tracks",
+    type=click.Path(path_type=Path),
+    help="A Parquet file with the columns track, frame, x1, y1, x2, y2; for boxes w1, h1, w2, h2; for tpcc x3, y3.",
+)
+@click.option("--relation", type=click.Choice(NAMES), required=True, help="What to compute.")
+@click.option(
+    "--output",
+    "-o",
+    "dest",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="The Parquet file to write.",
+)
+@click.option(
+    "--quantisation",
+    type=float,
+    metavar="Q",
+    help="Movements (mos, qtc) or gaps (rcc) up to this length do not count; 0 if not given.",
+)
+@click.option(
+    "--thresholds",
+    multiple=True,
+    metavar="NAME=T,...",
+    help="Of argd, upper ends with or without names (close=10,near=20 or 10,20); of argprobd, means and standard "
+    "deviations (close=10:5,near=20:10).  JSON will do as well.",
+)
+@click.option("--collapse", is_flag=True, help="Of qtc, leave out states equal to the one before.")
+@click.option("--validate", is_flag=True, help="Of qtc, insert the states that continuous movement passes.")
+@click.option(
+    "--angle",
+    type=float,
+    metavar="RAD",
+    help="Of qtccs and qtcbcs, the least angle to the line of sight "
+    "for which the side of a movement counts; 0 if not given.",
+)
+@click.option(
+    "--distance",
+    type=float,
+    metavar="D",
+    help="Of qtcbcs, up to where both points are near each other and have four symbols; 1.22 if not given.",
+)
+@click.option(
+    "--object",
+    "object_",
+    type=click.IntRange(1, 3),
+    metavar="K",
+    help="Of mos, which object; 1 if not given.",
+)
+@click.option(
+    "--seed", type=int, metavar="N", help="Of argprobd, as of Python's random.seed; 0 if not given."
+)
+def qsr(
+    out: Output,
+    *,
+    tracks: Path,
+    relation: str,
+    dest: Path,
+    collapse: bool,
+    validate: bool,
+    object_: int | None,
+    **given: Any,
+) -> None:
+    """Compute a qualitative spatial relation of tracks.
+
+    The relations, their parameters and their values are those of QSRLib, of object 1 with respect to object 2 (tpcc:
+    from origin 1 by relatum 2 to referent 3).  A row of the input is a frame of a track, in any order; a frame
+    follows the one before it, whatever numbers are missing between.  The result has the columns track, frame and one
+    named after the relation, and is ordered by track and frame; a value is null where an object's position is.
+
+    Relations of movement (mos and qtc) are told at the later of two frames, so the first frame of a track has no row.
+    With --collapse or --validate, frame is the place of a state in the chain of its track, from 1, and what is not
+    known has no place.  Values are as QSRLib prints them: qtccs "-,0,+,0", ra "<,mi".
+    """
+    from learn.features.qsr.files import write_relation
+    from learn.features.qsr.tracks import relation_named
+
+    found = relation_named(relation, collapse=collapse, validate=validate)
+    if object_ is not None and found.objects != 1:
+        raise _not_of(found, "object")
+    parameters = _parameters(found, given)
+    with out.progress() as progress:
+        written = write_relation(
+            tracks,
+            dest,
+            found,
+            parameters,
+            objects=(object_ or 1,) if found.objects == 1 else (1, 2, 3),
+            collapse=collapse,
+            validate=validate,
+            progress=progress,
+        )
+    text = f"wrote {count(written.rows, 'row')} of {count(written.tracks, 'track')} to {dest}"
+    if written.missing:
+        text += f"; {written.missing:,} without a value, where a position is not known"
+    data = {"path": str(dest), "rows": written.rows, "tracks": written.tracks, "missing": written.missing}
+    out.result(data, text)
+
+
+def _parameters(relation: Relation, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the function of the relation takes, of what was given."""
+    from learn.features.qsr import seeded
+
+    found: dict[str, Any] = {}
+    for option, name in (("quantisation", "threshold"), ("angle", "angle"), ("distance", "distance")):
+        if (value := given[option]) is None:
+            continue
+        if name in relation.parameters:
+            found[name] = value
+        elif value or option == "distance":  # without any, 0 is what is done anyway
+            raise _not_of(relation, option)
+    if "generator" in relation.parameters:
+        found["generator"] = seeded(given["seed"] or 0)
+    elif given["seed"] is not None:
+        raise _not_of(relation, "seed")
+    by_name = next((name for name in ("thresholds", "bands") if name in relation.parameters), None)
+    if by_name is None:
+        if given["thresholds"]:
+            raise _not_of(relation, "thresholds")
+        return found
+    pairs = [pair for text in given["thresholds"] for pair in _pairs(text)]
+    if len({name for name, _ in pairs}) < len(pairs):
+        raise _unreadable(", ".join(given["thresholds"]), "a name occurs twice", by_name)
+    found[by_name] = {name: _number(text, by_name) for name, text in pairs}
+    if not pairs:
+        fix = "--thresholds close=10:5,near=20:8" if by_name == "bands" else "--thresholds close=10,near=20"
+        raise UsageError(f"cannot compute {relation.name}", where="it has no thresholds of its own", fix=fix)
+    return found
+
+
+def _pairs(text: str) -> list[tuple[str, str]]:
+    """Names and what they stand for; what has no name is named as it was written."""
+    if not text.lstrip().startswith("{"):
+        words = [word for word in re.split(r"[,;\s]+", text) if word]
+        return [(name or value, value) for name, _, value in (word.rpartition("=") for word in words)]
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(text, str(error), "thresholds") from None
+    return [
+        (name, ":".join(map(str, value)) if isinstance(value, list) else str(value))
+        for name, value in document.items()
+    ]
+
+
+def _number(text: str, by_name: str) -> float | tuple[float, float]:
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        raise _unreadable(text, "not a number", by_name) from None
+    if len(numbers) != (2 if by_name == "bands" else 1) or not all(map(math.isfinite, numbers)):
+        expected = "a mean and a standard deviation" if by_name == "bands" else "one finite number"
+        raise _unreadable(text, f"expected {expected}", by_name)
+    return (numbers[0], numbers[1]) if by_name == "bands" else numbers[0]
+
+
+def _unreadable(text: str, reason: str, by_name: str) -> UsageError:
+    example = "close=10:5,near=20:8" if by_name == "bands" else "close=10,near=20"
+    return UsageError(f"cannot read the thresholds {text[:80]}", where=reason, fix=f"--thresholds {example}")
+
+
+def _not_of(relation: Relation, option: str) -> UsageError:
+    return UsageError(
+        f"cannot compute {relation.name} with --{option}",
+        where=f"{relation.name} has no such parameter",
+        fix=f"leave out --{option}",
+    )
