@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from ecat.cli.app import VERBS, app
+from ecat.cli.app import app
 from ecat.cli.verb import SETTINGS, Group
 from ecat.formats import registry
 
@@ -49,7 +49,7 @@ def reference() -> str:
     """The reference of the whole command line as Markdown."""
     root = click.Context(app, info_name="ecat", terminal_width=WIDTH, **SETTINGS)
     sections = [INTRODUCTION, _section("ecat", root)]
-    for name in VERBS:
+    for name in app.list_commands(root):
         command = app.get_command(root, name)
         assert command is not None
         sections += _sections(command, name, root)

@@ -8,6 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -72,7 +73,8 @@ class CalibrationParameters:
     others: images alone do not show how large a thing is.  ``every``: share of frames used;
     ``min_sightings``: a code seen less often is taken for a misreading.  ``off``: a box whose corners are off by more
     standard deviations (root mean square) does not rest on the table as it is taken to; one that does in fewer than
-    ``min_rested`` of the frames used is not measured.
+    ``min_rested`` of the frames used is not measured.  ``most``: of so many recordings that show a code, others add
+    nothing, see :func:`sufficient`.
     """
 
     known: tuple[BoxPrototype, ...] = NOMINAL_BOXES
@@ -85,11 +87,12 @@ class CalibrationParameters:
     min_sightings: int = 30
     off: float = 4.0
     min_rested: int = 5
+    most: int = 64
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Calibrated prototypes, the tables (camera-from-table) of the recordings that show them, and what is left: the
+    """Calibrated prototypes, the tables (camera-from-table) of the recordings they are from, and what is left: the
     median distance of a corner from where it should be, in pixels.
 
     Boxes that were seen, and could not be measured, are among the prototypes as far as they are known; their faces have
@@ -99,6 +102,32 @@ class Calibration:
     prototypes: tuple[BoxPrototype, ...]
     tables: tuple[Rigid, ...]
     residual_px: float
+
+
+_FEWEST = 5
+"""A code that a recording shows less often is perhaps a misreading."""
+_GOLDEN = 0.6180339887498949
+
+
+def sufficient(recordings: Sequence[Recording], most: int) -> list[Recording]:
+    """As many of the recordings, in their order, as show every code ``most`` times, or all that show it.
+
+    What boxes are like is told by 64 recordings as well as by 1,000, but the time to solve for the tables of all grows
+    with the cube of their number.  They are chosen all over the sequence, as neighbours are alike, and always the same.
+    """
+    if len(recordings) <= most:
+        return list(recordings)
+    shown: Counter[str] = Counter()
+    chosen: list[int] = []
+    # multiples of the golden ratio fill an interval evenly, however many there are
+    for i in sorted(range(len(recordings)), key=lambda i: (i * _GOLDEN) % 1.0):
+        column: Any = recordings[i].markers_2d["code"]
+        counts = column.value_counts().to_pylist()
+        codes = [row["values"] for row in counts if row["values"] is not None and row["counts"] >= _FEWEST]
+        if any(shown[code] < most for code in codes):
+            shown.update(codes)
+            chosen.append(i)
+    return [recordings[i] for i in sorted(chosen)]
 
 
 def calibrate_boxes(
@@ -111,6 +140,7 @@ def calibrate_boxes(
     InputError : no box shows two faces at once often enough to tell its geometry, while it rests.
     """
     parameters = parameters or CalibrationParameters()
+    recordings = sufficient(recordings, parameters.most)
     faces = [read_faces(r.markers_2d, r.markers_3d, parameters.camera) for r in recordings]
     drawn = [_drawn_table(r.polygon) for r in recordings]
     unplaced = _boxes(faces, parameters)

@@ -9,7 +9,7 @@ import pytest
 from ecat.annotate import Editor, write_scheme
 from ecat.annotate.schemes import scheme_file
 from ecat.errors import NotFoundError, OperationError
-from ecat.model import Clock, CodingScheme, Event, Layer, Segment
+from ecat.model import AnnotatedObject, Clock, CodingScheme, Event, Layer, Segment
 from ecat.store import Draft, Session, TableData, create_session, open_session
 from ecat.tables import TABLES
 from tests.annotate.bench import MANIFEST, do, edit, event, op, relation, thing
@@ -62,3 +62,13 @@ def test_its_own_coding_scheme_counts(session: Session) -> None:
     do(editor, event(0, 9, type="pour"))
     with pytest.raises(NotFoundError, match="cannot find the coding scheme 'none'"):
         do(editor, op("set_scheme", name="none"))
+
+
+def test_objects_of_a_new_layer_are_not_called_as_those_that_tables_name(session: Session) -> None:
+    boxes = tuple(AnnotatedObject(id=name, kind="marker_box") for name in ("shell", "o2", "o5"))
+    with session.write() as commit:
+        commit.put_layer(Layer(name="main", objects=boxes, object_counter=3))
+        commit.put_layer(Layer(name="ben", object_counter=7))
+    with Editor(session, "ann") as editor:
+        do(editor, thing("cup"))
+    assert [drawn.id for drawn in session.layer("ann").objects] == ["o8"]

@@ -25,7 +25,7 @@ REFERENCE = Path(__file__).parents[2] / "docs" / "cli.md"
 def commands() -> dict[str, Verb | Group]:
     """All verbs, and those of groups, by what is typed after ``ecat``."""
     found: dict[str, Verb | Group] = {}
-    for name in VERBS:
+    for name in app.list_commands(click.Context(app)):
         command = app.get_command(click.Context(app), name)
         assert command is not None
         found |= {" ".join(path): inner for path, inner in leaves(command, (name,))}

@@ -1,42 +1,7 @@
-"""The command line as a function, as for the verbs of ecat itself."""
+"""The command line, as for the verbs of ecat itself."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from tests.command_line import Ecat, Result, ecat
 
-import pytest
-
-from ecat.cli import main
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a call printed and returned."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        """The JSON document on stdout."""
-        return json.loads(self.out)
-
-
-Ecat = Callable[..., Result]
-
-
-@pytest.fixture
-def ecat(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Ecat:
-    """Call the command line: ``ecat("learn", "qsr", path)``."""
-    monkeypatch.setattr("ecat.cli.output.LINE_EVERY_S", float("inf"))
-
-    def call(*args: object) -> Result:
-        code = main([str(arg) for arg in args])
-        captured = capfd.readouterr()
-        return Result(code, captured.out, captured.err)
-
-    return call
+__all__ = ["Ecat", "Result", "ecat"]

@@ -14,10 +14,12 @@ from ecat.errors import InputError
 from ecat.geometry.boxfit import SUBPIXEL
 from ecat.geometry.transforms import Rigid, matrix_about_z
 from ecat.model.prototype import PEPSI, STELLA_ARTOIS, BoxPrototype
-from ecat.stages.calibrate import CalibrationParameters, Recording, calibrate_boxes, recordings_on
+from ecat.stages.calibrate import CalibrationParameters, Recording, calibrate_boxes, recordings_on, sufficient
 from tests.stages.recorded import TABLE, Recorded, read_code
 
 Generated = Callable[..., Recorded]
+ANOTHER = dict(zip((f.code for f in STELLA_ARTOIS.faces), (f.code for f in PEPSI.faces), strict=True))
+"""The codes of one box as those of the other."""
 
 
 def shown_as(session: Recorded, object_id: str, codes: dict[str, str]) -> Recorded:
@@ -83,6 +85,26 @@ def test_a_recording_that_shows_no_box_is_no_hindrance(generated: Generated) -> 
     assert found.prototypes == alone.prototypes
 
 
+def test_of_many_recordings_enough_are_used_of_every_box(generated: Generated) -> None:
+    one = generated(60).recording
+    other = shown_as(generated(60), "o3", ANOTHER).recording
+    many = [one] * 50
+    many[7], many[31] = other, other
+    assert sufficient(many, 100) == many
+    few = sufficient(many, 4)
+    assert sum(r is one for r in few) == 4
+    assert sum(r is other for r in few) == 2
+    assert sufficient(many, 4) == few
+
+
+def test_those_used_lie_all_over_the_sequence(generated: Generated) -> None:
+    base = generated(60).recording
+    many = [replace(base) for _ in range(200)]
+    places = [next(i for i, m in enumerate(many) if m is r) for r in sufficient(many, 16)]
+    assert places == sorted(places)
+    assert max(np.diff([0, *places, 199])) <= 2.5 * 200 / 16
+
+
 def test_misread_codes_do_not_make_faces(generated: Generated) -> None:
     session = generated(200)
     codes = session.markers_2d["code"].to_pylist()
@@ -134,8 +156,7 @@ def test_a_box_that_never_rests_is_not_measured_and_stays_beside_those_that_are(
         calibrate_boxes([carried.recording])
     # the same as another box
     resting = generated(120)
-    codes = dict(zip((f.code for f in STELLA_ARTOIS.faces), (f.code for f in PEPSI.faces), strict=True))
-    other = shown_as(carried, "o9", codes)
+    other = shown_as(carried, "o9", ANOTHER)
     found = calibrate_boxes([resting.recording, other.recording]).prototypes
     assert [box.name for box in found] == ["Stella Artois", "Pepsi"]
     assert all(face.sigma_m is not None for face in found[0].faces)
@@ -148,8 +169,7 @@ def test_a_known_box_of_one_visible_face_stays_as_it_is_known(generated: Generat
     resting = generated(120)
     largest = resting.markers_2d.filter(pc.field("order") == 0)
     one = replace(resting, markers_2d=largest, markers_3d=resting.markers_3d.slice(0, 0))
-    codes = dict(zip((f.code for f in STELLA_ARTOIS.faces), (f.code for f in PEPSI.faces), strict=True))
-    found = calibrate_boxes([resting.recording, shown_as(one, "o9", codes).recording]).prototypes
+    found = calibrate_boxes([resting.recording, shown_as(one, "o9", ANOTHER).recording]).prototypes
     assert found[1] == PEPSI
 
 
