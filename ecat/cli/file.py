@@ -62,7 +62,7 @@ def _has_skeletons(source: Path) -> bool:
 def _add_skeletons(out: Output, session: Session, source: Path, layer: str, author: str | None) -> None:
     from ecat.annotate import operation_from_dict
     from ecat.errors import FormatError
-    from ecat.web.skeletons import add_operations, put_skeletons, read_skeletons
+    from ecat.formats.skeletons import add_operations, put_skeletons, read_skeletons
 
     found = read_skeletons(source, session)
     if not found.bodies:

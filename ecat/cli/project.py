@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ecat.cli.output import Output
-from ecat.cli.text import shell
+from ecat.cli.text import columns, shell
 from ecat.cli.verb import Group, verb
 
 
@@ -32,13 +32,67 @@ def new(out: Output, path: Path) -> None:
     out.result({"path": str(made.path), "name": name}, text)
 
 
+@verb(
+    "remove",
+    examples=("ecat project remove my_project my_project/slide", "ecat project remove p p/s --for-good"),
+)
+@click.argument("project", type=click.Path(path_type=Path), help="The project.")
+@click.argument("session", type=click.Path(path_type=Path), help="The folder of the session.")
+@click.option("--for-good", is_flag=True, help="Delete it, instead of putting it into the archive.")
+def remove(out: Output, project: Path, session: Path, for_good: bool) -> None:
+    """Take a session out of a project, into its archive (the folder .archive of the project)."""
+    from ecat.store import archive, open_session
+
+    open_session(session)
+    name = archive.put_away(project, session)
+    if for_good:
+        archive.delete(project, name, session.resolve().name)
+    way_back = f"\ntry: {shell('ecat', 'project', 'restore', str(project), name)} brings it back"
+    text = f"deleted {session}" if for_good else f"archived {session} as {name}{way_back}"
+    out.result({"session": str(session), "archived": None if for_good else name}, text)
+
+
+@verb("archive", examples=("ecat project archive my_project",))
+@click.argument("project", type=click.Path(path_type=Path), help="The project.")
+def list_archive(out: Output, project: Path) -> None:
+    """List the sessions that were put away, the newest first."""
+    from ecat.store import archive
+
+    found = archive.archived(project)
+    rows = [[one.id, one.place.as_posix(), one.when] for one in found]
+    data = [{"id": one.id, "place": one.place.as_posix(), "when": one.when} for one in found]
+    out.result({"archived": data}, columns(rows) if rows else "the archive is empty")
+
+
+@verb(
+    "restore",
+    examples=(
+        "ecat project restore my_project 20260102T120000-0a1b2c",
+        "ecat project restore my_project 20260102T120000-0a1b2c --delete slide",
+    ),
+)
+@click.argument("project", type=click.Path(path_type=Path), help="The project.")
+@click.argument("name", help="What it is called in the archive, see `ecat project archive`.")
+@click.option("--delete", "said", metavar="SESSION", help="Delete it for good instead; its name, to confirm.")
+def restore(out: Output, project: Path, name: str, said: str | None) -> None:
+    """Bring an archived session back to where it was."""
+    from ecat.store import archive
+
+    if said is not None:
+        archive.delete(project, name, said)
+        out.result({"session": None}, f"deleted {said}")
+        return
+    place = archive.bring_back(project, name)
+    out.result({"session": str(place)}, f"{place} is back")
+
+
 command = Group(
     "project",
-    [new],
-    """Make projects.
+    [new, remove, list_archive, restore],
+    """Make projects, and put sessions of them away.
 
     Sessions are folders of a project: one is added by importing it there (`ecat import RECORDING my_project/NAME`), and
-    moved, copied or removed as any folder; `ecat check my_project` says which others then miss it.
+    moved or copied as any folder; `ecat check my_project` says which others then miss it.
     """,
-    examples=("ecat project new my_project",),
+    examples=("ecat project new my_project", "ecat project remove my_project my_project/slide"),
 )

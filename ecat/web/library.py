@@ -12,12 +12,11 @@ from typing import Any
 
 from ecat.errors import EcatError, NotFoundError
 from ecat.store import Session, files, find_sessions, open_project, open_session
+from ecat.store.archive import ARCHIVE
 from ecat.store.manifest import PROJECT_FILE, SESSION_FILE
 from ecat.store.snapshot import Snapshot
 from ecat.store.transaction import settle
 
-ARCHIVE = ".archive"
-"""Where sessions are put away: hidden, so that nobody takes what is in it for sessions of the project."""
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _SLUG = 48
 

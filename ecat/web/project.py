@@ -5,10 +5,6 @@ Nothing here reaches outside of the folder that is served.
 
 from __future__ import annotations
 
-import contextlib
-import re
-import secrets
-import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,15 +14,12 @@ from ecat import formats
 from ecat.errors import ConflictError, EcatError, NotFoundError, UsageError
 from ecat.model import ProjectManifest
 from ecat.progress import Progress
-from ecat.store import Project, create_project, files, find_sessions
-from ecat.store.lock import LOCK_FILE, locked
+from ecat.store import Project, archive, create_project
 from ecat.store.manifest import is_file_name
-from ecat.web.library import ARCHIVE, projects
+from ecat.web.library import projects
 
 if TYPE_CHECKING:
     from ecat.web.site import Site
-
-_STAMP = re.compile(r"\d{8}T\d{6}-[0-9a-f]{6}")
 
 
 def make_project(site: Site, name: str, inside: str) -> Project:
@@ -108,104 +101,31 @@ async def remove(site: Site, sid: str, name: str, *, keep: bool) -> str | None:
                 consequence="it was left as it is",
                 fix="let them close it",
             )
-        archived = _put_away(site, path, what)
+        name = archive.put_away(site.library.root, path)
+        site.library.find()
         if keep:
-            return archived
-        _drop(site, archived)
+            return name
+        archive.delete(site.library.root, name, path.name)
         return None
-
-
-def _put_away(site: Site, path: Path, what: str) -> str:
-    root = site.library.root
-    name = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(3)}"
-    target = root / ARCHIVE / name / path.relative_to(root)
-    with locked(path, what=what), files.typed_errors(what, path, "it was left as it is"):
-        files.make_folders(target.parent)
-        files.rename(path, target)
-        files.sync(target.parent)
-        files.sync(path.parent)
-    files.remove(target / LOCK_FILE)
-    site.library.find()
-    return name
 
 
 def archived(site: Site) -> list[dict[str, Any]]:
     """The sessions in the archive, the newest first: id, name, where they were, when they were put away."""
-    found: list[dict[str, Any]] = []
-    for name, path in sorted(_archived(site).items(), reverse=True):
-        place = path.relative_to(site.library.root / ARCHIVE / name)
-        when = datetime.strptime(name[:15], "%Y%m%dT%H%M%S").replace(tzinfo=UTC)
-        found.append({"id": name, "name": path.name, "place": place.as_posix(), "when": when.isoformat()})
-    return found
-
-
-def _archived(site: Site) -> dict[str, Path]:
-    folder, found = site.library.root / ARCHIVE, dict[str, Path]()
-    if not folder.is_dir() or folder.is_symlink():
-        return found
-    for one in folder.iterdir():
-        # what has another name was not put there by us
-        if _STAMP.fullmatch(one.name):
-            with contextlib.suppress(NotFoundError):
-                for path in find_sessions(one):
-                    found.setdefault(one.name, path)
-    return found
-
-
-def _in_archive(site: Site, name: str, what: str) -> Path:
-    path = _archived(site).get(name)
-    if path is None:
-        raise NotFoundError(what, where=f"{name[:80]}: not in the archive", fix="look into it again")
-    return path
+    found = archive.archived(site.library.root)
+    return [
+        {"id": one.id, "name": one.name, "place": one.place.as_posix(), "when": one.when} for one in found
+    ]
 
 
 def restore(site: Site, name: str) -> str | None:
-    """Bring a session back to where it was; its id.
-
-    Raises
-    ------
-    ConflictError : there is something by now.
-    """
-    what = "cannot bring the session back"
-    path, folder = _in_archive(site, name, what), site.library.root / ARCHIVE / name
-    place = site.library.root / path.relative_to(folder)
-    if place.exists():
-        raise ConflictError(
-            what,
-            where=f"{place}: there is something by now",
-            consequence="it stays in the archive",
-            fix="move what is there, and restore it again",
-        )
-    with files.typed_errors(what, place, "it stays in the archive"):
-        files.make_folders(place.parent)
-        files.rename(path, place)
-        files.sync(place.parent)
-    files.remove(folder)
+    """Bring a session back to where it was; its id.  Errors as of :func:`ecat.store.archive.bring_back`."""
+    place = archive.bring_back(site.library.root, name)
     return {path: sid for sid, path in site.library.find().items()}.get(place)
 
 
 def drop(site: Site, name: str, said: str) -> None:
-    """Delete an archived session for good; ``said`` is its name, to confirm.
-
-    Raises
-    ------
-    UsageError : ``said`` is another name.
-    """
-    what = "cannot delete the session"
-    path = _in_archive(site, name, what)
-    if said != path.name:
-        raise UsageError(
-            what, where=f"it is called {path.name}, not {said[:80]}", fix="say its name to confirm"
-        )
-    _drop(site, name)
-
-
-def _drop(site: Site, name: str) -> None:
-    folder = site.library.root / ARCHIVE / name
-    with files.typed_errors("cannot delete the session", folder, "some of it may be left in the archive"):
-        shutil.rmtree(folder)
-        if not any(folder.parent.iterdir()):
-            folder.parent.rmdir()
+    """Delete an archived session for good; ``said`` is its name, to confirm."""
+    archive.delete(site.library.root, name, said)
 
 
 # ------------------------------------------------------------------------------------------------ all sessions

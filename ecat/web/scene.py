@@ -7,6 +7,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from ecat.geometry.boxes import boxes_by_codes
 from ecat.model import Camera
 from ecat.model.prototype import BoxPrototype
 from ecat.model.skeleton import BONES
@@ -19,8 +20,6 @@ _PLANE = ("nx", "ny", "nz", "d", "origin_x", "origin_y", "origin_z", "qx", "qy",
 
 def boxes_of(session: Session) -> dict[str, BoxPrototype]:
     """The box that each object is: the one that most of its codes belong to; empty where none are known."""
-    from ecat.geometry.boxes import match_codes
-
     prototypes = kept_prototypes(session)
     tables = [name for name in ("markers_2d", "markers_3d") if session.has_table(name)]
     if not prototypes or not tables:
@@ -30,13 +29,7 @@ def boxes_of(session: Session) -> dict[str, BoxPrototype]:
         for row in _counted(session, name, "object_id", "code"):
             if row["code"] is not None:
                 votes[row["object_id"], row["code"]] += row["n"]
-    codes = [code for _, code in votes]
-    known = match_codes(codes, prototypes, mirrored=session_camera(session).mirrored)
-    found: dict[str, Counter[int]] = {}
-    for (object_id, code), n in votes.items():
-        if code in known:
-            found.setdefault(object_id, Counter())[known[code][0]] += n
-    return {name: prototypes[vote.most_common(1)[0][0]] for name, vote in sorted(found.items())}
+    return boxes_by_codes(votes, prototypes, mirrored=session_camera(session).mirrored)
 
 
 def _counted(session: Session, table: str, *columns: str) -> list[dict[str, Any]]:

@@ -197,6 +197,20 @@ def test_a_broken_script_changes_nothing(ecat: Ecat, empty: Path, tmp_path: Path
     assert open_session(empty).manifest.layers == ()
 
 
+def test_the_operation_that_a_script_stops_at_is_named(ecat: Ecat, empty: Path, tmp_path: Path) -> None:
+    script = tmp_path / "edits.jsonl"
+    good = {"op": "add_event", "type": "slide", "segments": [[1, 5]]}
+    script.write_text("\n".join(map(json.dumps, [good, good, {"op": "remove_event", "id": "a9"}, good])))
+    told = ecat("apply", empty, script, "--json").json["error"]
+    assert told["where"].startswith(f"{script}: operation 3 of 4\n")
+    assert told["consequence"] == "the 2 operations before it stay, and nothing else was changed"
+    assert (
+        ecat("apply", empty, script, "--one-step", "--json").json["error"]["consequence"]
+        == "nothing was changed"
+    )
+    assert len(open_session(empty).layer("main").events) == 2
+
+
 def test_any_revision_comes_back(ecat: Ecat, empty: Path) -> None:
     for kind in ("slide", "push", "pull"):
         added(ecat, "event", "add", empty, "--type", kind, "--span", "1:2")

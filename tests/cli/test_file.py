@@ -70,7 +70,7 @@ def test_a_rig_that_cannot_be_added_leaves_no_object(
         raise OSError(28, "No space left on device")
 
     before = open_session(session).layer()
-    monkeypatch.setattr("ecat.web.skeletons.put_skeletons", fail)
+    monkeypatch.setattr("ecat.formats.skeletons.put_skeletons", fail)
     assert ecat("file", "add", session, rig).code == 1
     assert open_session(session).layer().objects == before.objects
 

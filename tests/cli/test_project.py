@@ -55,3 +55,22 @@ def test_what_is_there_is_not_made_a_project(ecat: Ecat, session: Path) -> None:
     assert ecat("project", "new", session).code == 1
     assert ecat("project", "new", session / "inside").code == 1
     assert not (session / "inside").exists()
+
+
+def test_a_session_is_put_away_and_brought_back_or_deleted(ecat: Ecat, session: Path, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    ecat("project", "new", project)
+    for name in ("one", "two"):
+        shutil.copytree(session, project / name)
+    name = ecat("project", "remove", project, project / "one", "--json").json["archived"]
+    assert ecat("info", project, "--json").json["totals"]["sessions"] == 1
+    assert name in ecat("project", "archive", project).out
+    assert ecat("project", "restore", project, name).out.strip().endswith("one is back")
+    assert ecat("project", "archive", project).out.strip() == "the archive is empty"
+    assert ecat("project", "remove", project, project / "two", "--for-good").out.startswith("deleted")
+    assert not (project / "two").exists()
+    name = ecat("project", "remove", project, project / "one", "--json").json["archived"]
+    assert ecat("project", "restore", project, name, "--delete", "two").code == 2
+    assert ecat("project", "restore", project, name, "--delete", "one").code == 0
+    assert not (project / ".archive").exists()
+    assert ecat("project", "remove", project, project / "one").code == 1

@@ -7,10 +7,10 @@ import asyncio
 from fastapi import APIRouter, Request, Response
 
 from ecat.errors import UsageError
+from ecat.formats import skeletons
 from ecat.process import process_session, require_stages
 from ecat.progress import Progress
 from ecat.store import open_session, streams
-from ecat.web import skeletons
 from ecat.web.answers import json_answer
 from ecat.web.asked import AddFiles, AddSkeletons, Process, Removal
 from ecat.web.sessions import OpenSession
