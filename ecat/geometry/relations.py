@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import ndtr
 
 from ecat.geometry.transforms import Floats, Rigid
 
@@ -62,6 +61,8 @@ def held(t_s: Floats, measure: Floats, sigma: Floats, threshold: Threshold) -> l
     measure : (n,) NaN where unknown; infinite where the relation makes no sense.
     sigma : (n,) standard deviation of the measure, in its unit.
     """
+    from scipy.special import ndtr
+
     known = np.flatnonzero(~np.isnan(measure))
     if not known.size:
         return []

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from ecat.geometry.transforms import Floats, Rigid
 
@@ -112,6 +111,8 @@ def _with_sharp_edges(
     t_s: Floats, places: Floats, slack: Floats, rows: tuple[int, int], stillness: Stillness
 ) -> Rest:
     """A rest without the slow beginning of the movement that follows and the slow end of the one before."""
+    from scipy.ndimage import median_filter
+
     first, last = rows
     head = slice(first, min(int(np.searchsorted(t_s, t_s[first] + _MEMORY_S)), last + 1))
     tail = slice(max(int(np.searchsorted(t_s, t_s[last] - _MEMORY_S)), first), last + 1)

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import chdtri
 
 from ecat.geometry.transforms import Floats, known
 
@@ -104,6 +101,8 @@ def random_share(values: Floats, covariance: Floats, rest: NDArray[np.int64]) ->
 
 def _scatter(values: Floats, covariance: Floats, rest: NDArray[np.int64], lag: int) -> float | None:
     """Median square of the distance from the middle of those ``lag`` before and after, in stated variances."""
+    from scipy.special import chdtri
+
     if len(values) < _LEAST_SCATTER + 2 * lag:
         return None
     # some at a time: of an hour, all that is computed on the way would be many times as large as the result
@@ -148,6 +147,8 @@ def _solved(
     t_s: Floats, values: Floats, information: Floats, smoothness: Smoothness, rounds: int
 ) -> tuple[Floats, Floats]:
     """The smoother itself, for times that are far enough apart; what has no information is not measured."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
     n, d = values.shape
     bend = _second_differences(t_s)
     trust, calm = np.ones(n), np.ones(n - 2)
@@ -171,6 +172,8 @@ def _shared(force: Floats, t_s: Floats, seen: NDArray[np.bool_], memory_s: float
 
     Where nothing is measured, those around it count: the track itself bends as little as it can there.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     if not seen.any():
         return force
     usual_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0

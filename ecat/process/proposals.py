@@ -13,8 +13,6 @@ from ecat.model import AnnotatedObject, Event, Layer, Property, Relation, Role, 
 from ecat.model.annotation import MACHINE, Argument, TextPredicate, TextReference, with_relation_ids
 from ecat.model.prototype import BoxPrototype
 from ecat.process.inputs import annotated_objects, box_objects
-from ecat.stages.propose import PROPOSE
-from ecat.stages.relations import RELATIONS
 from ecat.store import Session
 
 PROPOSED = {"markers_2d", "relation_proposals", "event_proposals"}
@@ -61,6 +59,8 @@ def machine_layer(
 
 
 def _relation(row: _Row) -> Relation:
+    from ecat.stages.relations import RELATIONS
+
     return Relation(
         predicate=row["predicate"],
         start_frame=row["start_frame"],
@@ -127,6 +127,8 @@ def _part(row: _Row) -> Event:
 
 
 def _common(row: _Row) -> dict[str, Any]:
+    from ecat.stages.propose import PROPOSE
+
     return {
         "id": row["event_id"],
         "type": row["type"],
