@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -51,28 +52,57 @@ class Changes:
         self._least = least
         self._known: NDArray[np.uint8] | None = None
 
-    def look(self, tiles: NDArray[np.uint8]) -> list[Region]:
-        """Regions that changed, as rectangles around the connected ones; they count as looked at from now on."""
+    def look(self, tiles: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Which tiles (rows, columns) changed, or are next to one that did: 1.  They are known from now on."""
         import cv2
 
-        if not tiles.size:
-            return []
         if self._known is None or self._known.shape != tiles.shape:
-            self._known = tiles.copy()
-            return [(0, 0, tiles.shape[1] * TILE_PX, tiles.shape[0] * TILE_PX)]
+            return self.all_seen(tiles)
+        if not tiles.size:
+            return np.zeros_like(tiles)
         changed = cv2.threshold(cv2.absdiff(tiles, self._known), self._least - 1, 1, cv2.THRESH_BINARY)[1]
-        if not cv2.countNonZero(changed):
-            return []
         cv2.copyTo(tiles, changed, self._known)
-        # tiles within two of each other belong together
-        joined = cv2.dilate(changed, np.ones((3, 3), np.uint8))
-        outlines, _ = cv2.findContours(joined, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-        boxes = [cv2.boundingRect(outline) for outline in outlines]
-        return [(x * TILE_PX, y * TILE_PX, (x + w) * TILE_PX, (y + h) * TILE_PX) for x, y, w, h in boxes]
+        return np.asarray(cv2.dilate(changed, np.ones((3, 3), np.uint8)), np.uint8)
 
-    def all_seen(self, tiles: NDArray[np.uint8]) -> None:
-        """Everything was looked at."""
+    def all_seen(self, tiles: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Everything is looked at, whether it changed or not."""
         self._known = tiles.copy()
+        return np.ones_like(tiles)
+
+
+def regions(changed: NDArray[np.uint8]) -> list[Region]:
+    """Rectangles around tiles (rows, columns) that belong together."""
+    import cv2
+
+    if not changed.max(initial=0):
+        return []
+    outlines, _ = cv2.findContours(changed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    boxes = [cv2.boundingRect(outline) for outline in outlines]
+    return [(x * TILE_PX, y * TILE_PX, (x + w) * TILE_PX, (y + h) * TILE_PX) for x, y, w, h in boxes]
+
+
+def marked(changed: NDArray[np.uint8], regions: Sequence[Region]) -> NDArray[np.uint8]:
+    """The same, with the tiles of these regions."""
+    changed = changed.copy()
+    for left, top, right, bottom in regions:
+        changed[top // TILE_PX : -(-bottom // TILE_PX), left // TILE_PX : -(-right // TILE_PX)] = 1
+    return changed
+
+
+def touched(
+    changed: NDArray[np.uint8], rings: Floats, among: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    """Which rings (n, 4, 2), of those ``among`` (n,) them, are where some tile (rows, columns) changed."""
+    found = np.zeros(len(rings), np.bool_)
+    rows = np.arange(len(rings)) if among is None else np.flatnonzero(among)
+    if not rows.size or not changed.max(initial=0):
+        return found
+    tiles = (rings[rows] * (1 / TILE_PX)).clip(0).astype(np.intp)
+    # what is beyond the last tile belongs to it
+    limit = np.array(changed.shape[::-1]) - 1
+    first, last = np.minimum(tiles.min(1), limit).tolist(), tiles.max(1).tolist()
+    found[rows] = [changed[t : b + 1, x : r + 1].any() for (x, t), (r, b) in zip(first, last, strict=True)]
+    return found
 
 
 def grown(region: Region, margin: float, shape: tuple[int, int]) -> Region:

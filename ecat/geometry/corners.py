@@ -4,37 +4,47 @@ A corner is where two edges meet, and an edge is known from everything along it:
 the edge is measured at many places, a line is fitted through them, and neighbouring lines are intersected.  The
 steepest place of a blurred step stays where the step is, so neither blur nor a threshold shifts the corner.
 
-Pixels are OpenCV's: the centre of the top left pixel is (0, 0).
+Pixels are OpenCV's: the centre of the top left pixel is (0, 0).  Where it saves work they are complex numbers, x + iy.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecat.geometry.transforms import Floats
 
+Complex: TypeAlias = NDArray[np.complex128]
+Single: TypeAlias = NDArray[np.float32]
+
 _STEP_PX = 0.5
 _NEXT, _LAST = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
-# turns a way along an edge, x and y swapped, into the way out of a ring that runs clockwise on the screen
-_OUT = np.array([1.0, -1.0])
+# a way along an edge times this is the way out of a ring that runs clockwise on the screen
+_OUT = -1j
 _LEAST_PX = 0.02
 # where profiles are taken across an edge, as shares of the part of it that is measured, from its middle
-_PLACES = np.linspace(-0.5, 0.5, 12)
-# rows of a map that OpenCV's remap takes at once
-_ROWS = 16_000
+_PLACES = np.linspace(-0.5, 0.5, 12, dtype=np.float32)
+_POWERS = np.stack([np.ones_like(_PLACES), _PLACES, _PLACES**2], 1)
+# columns of a map that OpenCV's remap takes at once
+_COLUMNS = 32_000
+# so many bits number the steps of a profile; above them, a step of 255 grey levels still fits into an int16
+_BITS = 7
 # a least-squares parabola through five equally spaced values: slope and half the curvature, per step
-_FIVE = np.arange(5)
+_FIVE = np.arange(5)[:, None]
 _PARABOLA = np.array(
-    [(-2 / 10, 2 / 14), (-1 / 10, -1 / 14), (0.0, -2 / 14), (1 / 10, -1 / 14), (2 / 10, 2 / 14)], np.float32
+    [(-2 / 10, -1 / 10, 0.0, 1 / 10, 2 / 10), (2 / 14, -1 / 14, -2 / 14, -1 / 14, 2 / 14)], np.float32
 )
 # variance in px^2 that sampling itself adds to the width of a step: the difference over one pixel, the
 # interpolation, and the parabola that is wider than the step's top
 _SAMPLING_PX2 = 0.45
+# what remap takes for a second map where the first has both coordinates
+_NO_MAP: Any = None
 
 
 @dataclass(frozen=True)
@@ -82,37 +92,32 @@ class Several:
     images: Sequence[NDArray[np.uint8]]
     which: NDArray[np.intp]
 
-    def __getitem__(self, rows: NDArray[Any]) -> Several:
+    def __getitem__(self, rows: NDArray[Any] | slice) -> Several:
         return Several(self.images, self.which[rows])
 
+    def spans(self, n: int) -> list[tuple[NDArray[np.uint8], int, int]]:
+        """Each image with the first and the end of what belongs to its rings, of n things for all of them."""
+        each = n // max(len(self.which), 1)
+        ends = (np.searchsorted(self.which, np.arange(len(self.images) + 1)) * each).tolist()
+        return list(zip(self.images, ends, ends[1:], strict=False))
 
-def sample(
-    grey: NDArray[np.uint8] | Several, x: NDArray[np.float32], y: NDArray[np.float32]
-) -> NDArray[np.uint8]:
-    """Grey values (n, k) at pixels x, y (n, k), bilinear; beyond the image its border goes on.
 
-    In several images, the same number of rows belongs to each of their rings.
+def sample(grey: NDArray[np.uint8] | Several, points: Single) -> NDArray[np.uint8]:
+    """Grey values (k, n) at pixels (k, n, 2), bilinear; beyond the image its border goes on.
+
+    In several images, the same number of columns belongs to each of their rings.
     """
-    if isinstance(grey, Several):
-        # ends of the rows of each image
-        rows = np.cumsum(np.bincount(grey.which, minlength=len(grey.images))) * len(x)
-        ends = [0, *(rows // max(len(grey.which), 1)).tolist()]
-        parts = list(zip(grey.images, ends, ends[1:], strict=False))
-    else:
-        parts = [(grey, 0, len(x))]
-    blocks = [
-        _remapped(image, x[i : min(i + _ROWS, end)], y[i : min(i + _ROWS, end)])
-        for image, start, end in parts
-        for i in range(start, end, _ROWS)
-    ]
-    every = blocks[0] if len(blocks) == 1 else np.concatenate(blocks or [np.empty(x.shape)])
-    return np.asarray(every, np.uint8)
-
-
-def _remapped(grey: NDArray[np.uint8], x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[Any]:
     import cv2
 
-    return cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    k, n, _ = points.shape
+    values = np.empty((k, n), np.uint8)
+    for image, first, last in grey.spans(n) if isinstance(grey, Several) else [(grey, 0, n)]:
+        for i in range(first, last, _COLUMNS):
+            part = slice(i, min(i + _COLUMNS, last))
+            cv2.remap(
+                image, points[:, part], _NO_MAP, cv2.INTER_LINEAR, values[:, part], cv2.BORDER_REPLICATE
+            )
+    return values
 
 
 def clockwise(rings: Floats) -> Floats:
@@ -133,123 +138,133 @@ def outline(
     reach_px : how far from the ring an edge is looked for.
     min_step : grey levels per pixel below which a profile has no edge.
     """
-    edges = _edges(np.asarray(rings, np.float64))
-    # corners round off under blur, so profiles keep away from them
-    margin = np.minimum(np.maximum(1.5, 0.08 * edges.length), 0.25 * edges.length)
-    tau = (edges.length - 2 * margin)[..., None] * _PLACES
-    offset, step, width2 = _steps(grey, edges, tau, reach_px)
-    found = step > min_step
-    weight = step * found
-    line = _fit_lines(tau, offset, weight)
+    n, each = len(rings), 4 * len(_PLACES)
+    edges = _edges(rings)
+    offset, step, width2 = _steps(grey, edges, reach_px)
+    weight = step * (step > min_step)
+    line = _fit_lines(offset, weight)
     corners, sigma, bend = _intersect(edges, line)
-    total = np.maximum(weight.sum((1, 2)), 1e-9)
-    blur = np.sqrt(np.maximum((weight * width2).sum((1, 2)) / total - _SAMPLING_PX2, 0.05))
-    contrast = total / np.maximum(found.sum((1, 2)), 1)
+    weight = weight.reshape(n, each)
+    total = np.maximum(weight.sum(1), 1e-9)
+    blur = np.sqrt(np.maximum((weight * width2.reshape(n, each)).sum(1) / total - _SAMPLING_PX2, 0.05))
+    contrast = total / np.maximum((weight > 0).sum(1), 1)
     return Outlines(corners, sigma, blur, contrast, bend, line.agree.min(1))
 
 
 @dataclass(frozen=True)
 class _Edges:
-    """Edges (n, 4): their middle, which way they go, and the way out; ``length`` in pixels."""
+    """Edges (n, 4): their middle, and which way they go, of length one; ``length`` in pixels, of which ``span`` are
+    measured.
+    """
 
-    middle: Floats
-    along: Floats
-    out: Floats
+    middle: Complex
+    along: Complex
     length: Floats
+    span: Floats
 
 
 def _edges(rings: Floats) -> _Edges:
-    side = rings[:, _NEXT] - rings
-    length = np.maximum(np.hypot(side[..., 0], side[..., 1]), 1e-6)
-    along = side / length[..., None]
-    return _Edges(rings + 0.5 * side, along, along[..., ::-1] * _OUT, length)
+    corner = np.ascontiguousarray(rings, np.float64).view(np.complex128)[..., 0]
+    side = corner[:, _NEXT] - corner
+    length = np.maximum(np.abs(side), 1e-6)
+    # corners round off under blur, so profiles keep away from them
+    margin = np.minimum(np.maximum(1.5, 0.08 * length), 0.25 * length)
+    return _Edges(corner + 0.5 * side, side / length, length, length - 2 * margin)
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines (n, 4) ``offset = shift + slope * tau``, tau from the middle of the edge, and the variances of both.
+    """Lines (n, 4) ``offset = shift + tilt * place``, the place from -1/2 to 1/2, and the variances of both.
 
     ``agree``: the share of profiles that the line agrees with.
     """
 
     shift: Floats
-    slope: Floats
+    tilt: Floats
     shift_variance: Floats
-    slope_variance: Floats
+    tilt_variance: Floats
     agree: Floats
 
 
-def _steps(
-    grey: NDArray[np.uint8] | Several, edges: _Edges, tau: Floats, reach_px: float
-) -> tuple[Floats, Floats, Floats]:
-    """Of every profile (n, 4, places), ``tau`` pixels along the edge from its middle: where its steepest step lies
-    along ``out``, how high it is, and its width squared.
-    """
-    n, _, places = tau.shape
-    half = int(np.ceil(reach_px / _STEP_PX)) + 3
+@cache
+def _profile(half: int) -> tuple[Single, NDArray[np.int16]]:
+    """Where a profile is sampled (2 * half + 1, 1), in pixels; and its steps' numbers, from the last to the first."""
     across = (np.arange(-half, half + 1) * _STEP_PX).astype(np.float32)
-    x, y = (
-        (edges.middle[..., i, None] + tau * edges.along[..., i, None]).astype(np.float32)[..., None]
-        + (edges.out[..., i, None] * across).astype(np.float32)[:, :, None]
-        for i in (0, 1)
-    )
-    rows = n * 4, places * len(across)
-    values = sample(grey, x.reshape(rows), y.reshape(rows)).astype(np.int16)
-    values = values.reshape(n * 4 * places, len(across))
-    rise = values[:, 2:] - values[:, :-2]
-    peak = np.argmax(rise[:, 2:-2], 1) + 2
-    first = np.arange(-2, rise.size - 2, rise.shape[1])
-    top = rise.ravel()[(first + peak)[:, None] + _FIVE].astype(np.float32)
-    slope, bend = (top @ _PARABOLA).T
+    return across[:, None], np.arange(2 * half - 6, -1, -1, dtype=np.int16)[:, None]
+
+
+def _steps(
+    grey: NDArray[np.uint8] | Several, edges: _Edges, reach_px: float
+) -> tuple[Single, Single, Single]:
+    """Of every profile (n * 4, places): where its steepest step lies on the way out, how high it is, and its width
+    squared.
+    """
+    places = len(_PLACES)
+    half = math.ceil(reach_px / _STEP_PX) + 3
+    across, number = _profile(half)
+    # profiles lie side by side: what is done to one of them is done to many at once
+    start = edges.middle[..., None] + (edges.along * edges.span)[..., None] * _PLACES
+    out = (edges.along * _OUT).astype(np.complex64).repeat(places)
+    points = across * out.view(np.float32)
+    points += start.astype(np.complex64).reshape(-1).view(np.float32)
+    values = sample(grey, points.reshape(len(across), -1, 2)).astype(np.int16)
+    rise = values[2:] - values[:-2]
+    # the highest step, of equal ones the first: its number is in the lowest bits
+    highest = ((rise[2:-2] << _BITS) + number).max(0)
+    peak = len(number) - 1 - (highest & ((1 << _BITS) - 1)).astype(np.intp)
+    n = len(peak)
+    top = rise.take((peak * n + np.arange(n)) + _FIVE * n).astype(np.float32)
+    slope, bend = _PARABOLA @ top
     twice = np.minimum(2 * bend, np.float32(-2e-3))
     moved = np.minimum(np.maximum(slope / -twice, -1.0), 1.0)
-    height = top[:, 2]
-    offset = (peak + (1 - half) + moved) * _STEP_PX
-    width2 = np.minimum(height / -twice * _STEP_PX**2, 16.0)
-    shape = tau.shape
-    return offset.reshape(shape), height.astype(np.float64).reshape(shape), width2.reshape(shape)
+    height = top[2]
+    offset = (peak.astype(np.float32) + moved + np.float32(3 - half)) * np.float32(_STEP_PX)
+    width2 = np.minimum(height / -twice * np.float32(_STEP_PX**2), 16.0)
+    return offset.reshape(-1, places), height.reshape(-1, places), width2.reshape(-1, places)
 
 
-def _fit_lines(tau: Floats, offset: Floats, weight: Floats) -> _Lines:
-    """Iteratively reweighted least squares: profiles that are off count less and less."""
+def _fit_lines(offset: Single, weight: Single) -> _Lines:
+    """Iteratively reweighted least squares (n * 4, places): profiles that are off count less and less."""
     w, gap2 = weight, offset
-    spread = shift = slope = offset[..., 0]
-    moments = np.stack([np.ones_like(tau), tau, tau * tau, offset, tau * offset])
+    spread = shift = tilt = offset[:, 0]
     for scale_px in (1.0, 0.4, 0.25):
-        s0, st, stt, so, sto = (moments * w).sum(-1)
+        s0, sp, spp = (w @ _POWERS).T
+        so, spo, _ = ((w * offset) @ _POWERS).T
         s0 = np.maximum(s0, 1e-9)
-        mean_t = st / s0
-        # tau runs evenly around zero, so these differences lose no digits
-        spread = np.maximum(stt - st * mean_t, 1e-9)
-        slope = (sto - so * mean_t) / spread
-        shift = so / s0 - slope * mean_t
-        gap = offset - shift[..., None] - slope[..., None] * tau
+        mean = sp / s0
+        # places run evenly around zero, so these differences lose no digits
+        spread = np.maximum(spp - sp * mean, 1e-9)
+        tilt = (spo - so * mean) / spread
+        shift = so / s0 - tilt * mean
+        gap = offset - tilt[:, None] * _PLACES
+        gap -= shift[:, None]
         gap2 = gap * gap
-        fall = 1 + gap2 * (1 / scale_px**2)
-        w = weight / (fall * fall)
-    agree = ((gap2 < 0.75**2) & (weight > 0)).sum(-1) / tau.shape[-1]
-    s0 = np.maximum(w.sum(-1), 1e-9)
+        fall = gap2 * np.float32(1 / scale_px**2)
+        fall += 1
+        fall *= fall
+        w = weight / fall
+    agree = ((gap2 < 0.75**2) & (weight > 0)).sum(1) / len(_PLACES)
+    s0 = np.maximum(w.sum(1), 1e-9)
     # how far profiles are off says how well the line is known; never better than pixels let it
-    scatter = (w * gap2).sum(-1) / s0 + _LEAST_PX**2
+    scatter = (w * gap2).sum(1) / s0 + _LEAST_PX**2
     # the variance of a mean of so many profiles as the weights are worth
-    variance = scatter * np.maximum((w * w).sum(-1), 1e-9) / s0**2
-    return _Lines(shift, slope, variance, variance * s0 / spread, agree)
+    variance = scatter * np.maximum((w * w).sum(1), 1e-9) / s0**2
+    every = np.array([shift, tilt, variance, variance * s0 / spread, agree], np.float64)
+    return _Lines(*every.reshape(5, -1, 4))
 
 
 def _intersect(edges: _Edges, line: _Lines) -> tuple[Floats, Floats, Floats]:
     """Where each line meets the one before it, the standard deviation per coordinate, and the least sine."""
-    half = 0.5 * edges.length
-    middle = edges.middle + edges.out * line.shift[..., None]
-    direction = edges.along + edges.out * line.slope[..., None]
-    # along and out are at right angles and of length one
-    direction /= np.sqrt(1 + line.slope**2)[..., None]
+    middle = edges.middle + edges.along * _OUT * line.shift
+    turn = 1 + _OUT * (line.tilt / edges.span)
+    direction = edges.along * turn / np.abs(turn)
     last, before = middle[:, _LAST], direction[:, _LAST]
-    cross = before[..., 0] * direction[..., 1] - before[..., 1] * direction[..., 0]
+    cross = (before.conj() * direction).imag
     bend = cross.min(1)
     cross = np.where(np.abs(cross) < 1e-3, 1e-3, cross)
-    gap = middle - last
-    way = (gap[..., 0] * direction[..., 1] - gap[..., 1] * direction[..., 0]) / cross
-    corners = last + before * way[..., None]
+    way = ((middle - last).conj() * direction).imag / cross
+    corners = last + before * way
     # each line is off by its shift and by its turn times half its length; the sine spreads both
-    variance = line.shift_variance + line.slope_variance * half**2
-    return corners, np.sqrt((variance + variance[:, _LAST]) / 2) / np.abs(cross), bend
+    variance = line.shift_variance + line.tilt_variance * (0.5 * edges.length / edges.span) ** 2
+    sigma = np.sqrt((variance + variance[:, _LAST]) / 2) / np.abs(cross)
+    return corners.view(np.float64).reshape(-1, 4, 2), sigma, bend

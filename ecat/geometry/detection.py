@@ -13,7 +13,7 @@ from ecat.geometry.boxes import SQUARE, corner_order, square_poses
 from ecat.geometry.cameras import Camera
 from ecat.geometry.changes import Region
 from ecat.geometry.corners import Outlines, Several, outline
-from ecat.geometry.markers import Codebook, Reading, code_of, codebooks, read_codes
+from ecat.geometry.markers import Codebook, Reading, cell_values, code_of, codebooks, read_codes
 from ecat.geometry.quads import find_quads
 from ecat.geometry.transforms import Floats, Rigid
 from ecat.model.prototype import BoxPrototype
@@ -23,6 +23,12 @@ _NEAR_PX = 1.0
 # the same for a face that was there before, so that it lies where it would if nothing were known of it
 _AGAIN_PX = 0.5
 _LEAST_SINE = 0.1
+# how far the cells of a face may be from those that were read: root of the sum of squares, in units of the contrast.
+# One cell that is half black and half white is farther away, however blurred
+_SAME_LOOK = 0.3
+# a ring with its middle in a face and at most this share of its area is a part of it; one around a face that is as much
+# larger is the edge of what it is printed on
+_SMALLER = 0.6
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,8 @@ class Found:
     """Faces of boxes in one image, (n,) each; ``box`` and ``face`` are indices.
 
     ``rings`` (n, 4, 2): pixels of the corners, clockwise on the screen, from the upright glyph's top left as the image
-    shows it; ``sigma_px`` (n, 4) their standard deviations; ``likeness`` (n,) between -1 and 1.
+    shows it; ``sigma_px`` (n, 4) their standard deviations.  ``likeness`` (n,), between -1 and 1, and ``look``
+    (n, cells) are of the image in which the face was last read, see :class:`Reading`.
     """
 
     box: NDArray[np.intp]
@@ -64,38 +71,40 @@ class Found:
     rings: Floats
     sigma_px: Floats
     likeness: Floats
+    look: Floats
 
     def __len__(self) -> int:
         return len(self.box)
 
-    def __getitem__(self, rows: NDArray[Any]) -> Found:
-        return Found(
-            self.box[rows], self.face[rows], self.rings[rows], self.sigma_px[rows], self.likeness[rows]
-        )
+    def __getitem__(self, rows: NDArray[Any] | slice) -> Found:
+        return Found(*(getattr(self, name)[rows] for name in _FOUND))
 
     def moved(self, rings: Floats) -> Found:
         """The same faces elsewhere."""
-        return Found(self.box, self.face, rings, self.sigma_px, self.likeness)
+        return Found(self.box, self.face, rings, self.sigma_px, self.likeness, self.look)
 
     def replaced(self, rows: NDArray[np.intp], others: Found) -> Found:
         """The same with others in these rows."""
-        rings, sigma_px, likeness = self.rings.copy(), self.sigma_px.copy(), self.likeness.copy()
-        rings[rows], sigma_px[rows], likeness[rows] = others.rings, others.sigma_px, others.likeness
-        return Found(self.box, self.face, rings, sigma_px, likeness)
+        if not len(rows):
+            return self
+        new = Found(*(getattr(self, name).copy() for name in _FOUND))
+        for name in _FOUND:
+            getattr(new, name)[rows] = getattr(others, name)
+        return new
 
     @classmethod
     def none(cls) -> Found:
         """Nothing."""
         no = np.empty(0, np.intp)
-        return cls(no, no, np.empty((0, 4, 2)), np.empty((0, 4)), np.empty(0))
+        return cls(no, no, np.empty((0, 4, 2)), np.empty((0, 4)), np.empty(0), np.empty((0, 0)))
 
     @classmethod
     def joined(cls, parts: Sequence[Found]) -> Found:
         """All of them, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        names = ("box", "face", "rings", "sigma_px", "likeness")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        some = [part for part in parts if len(part)] or list(parts[:1])
+        if len(some) == 1:
+            return some[0]
+        return cls(*(np.concatenate([getattr(part, name) for part in some]) for name in _FOUND))
 
     def best(self) -> Found:
         """Of a face that was found more than once, the one with the best likeness."""
@@ -105,6 +114,9 @@ class Found:
         first = np.ones(len(by), bool)
         first[1:] = (np.diff(self.box[by]) != 0) | (np.diff(self.face[by]) != 0)
         return self[by[first]]
+
+
+_FOUND = ("box", "face", "rings", "sigma_px", "likeness", "look")
 
 
 class Detector:
@@ -135,12 +147,13 @@ class Detector:
         self.mirrored = (camera is not None and camera.mirrored) if mirrored is None else mirrored
         self._books = codebooks(self.prototypes, mirrored=self.mirrored)
         # of each face, its codebook and its upright glyph
-        self._places = {
-            (g.box, g.face): (b, i)
-            for b, book in enumerate(self._books)
-            for i, g in enumerate(book.glyphs)
-            if not g.turn
-        }
+        most = max((len(box.faces) for box in self.prototypes), default=0)
+        self._places = np.zeros((len(self.prototypes), most, 2), np.intp)
+        for b, book in enumerate(self._books):
+            for i, g in enumerate(book.glyphs):
+                if not g.turn:
+                    self._places[g.box, g.face] = b, i
+        self._cells = max(((book.n + 2) ** 2 for book in self._books), default=0)
         self._sides = {
             (b, f): face.side_m for b, box in enumerate(prototypes) for f, face in enumerate(box.faces)
         }
@@ -168,14 +181,14 @@ class Detector:
         found = [Found.none()]
         for book in self._books if len(seen) else ():
             reading = read_codes(grey, seen, book)
-            good = self._clear(seen, reading, book)
+            good = self._clear(seen.rings, reading, book)
             near = np.flatnonzero(good & ~far & reading.certain)
-            found.append(self._faces(seen[near], reading.glyph[near], reading.likeness[near], book))
+            found.append(self._faces(seen, reading, near, book))
             if (good & far).any():
                 again = outline(grey, seen.rings[good & far], reach_px=2)
                 reading = read_codes(grey, again, book)
-                clear = self._clear(again, reading, book) & reading.certain & self._sound(again)
-                found.append(self._faces(again[clear], reading.glyph[clear], reading.likeness[clear], book))
+                clear = self._clear(again.rings, reading, book) & reading.certain & self._sound(again)
+                found.append(self._faces(again, reading, np.flatnonzero(clear), book))
         return Found.joined([part for part in found if len(part)] or found[:1]).best()
 
     def again(
@@ -192,15 +205,35 @@ class Detector:
         if far.size:
             seen = seen.replaced(far, outline(grey[far], seen.rings[far], reach_px=2))
             there = self._sound(seen)
-        likeness = np.zeros(len(faces))
-        place = np.array([self._places[key] for key in face_keys(faces)], np.intp).reshape(-1, 2)
-        for b, book in enumerate(self._books):
-            rows = np.flatnonzero(there & (place[:, 0] == b))
+        found = Found(
+            faces.box, faces.face, seen.rings, seen.sigma_px, faces.likeness.copy(), faces.look.copy()
+        )
+        book = self._places[faces.box, faces.face, 0]
+        for b in range(len(self._books)):
+            rows = np.flatnonzero(there & (book == b))
             if rows.size:
-                reading = read_codes(grey[rows], seen[rows], book, place[rows, 1])
-                there[rows] = self._clear(seen[rows], reading, book) & reading.certain
-                likeness[rows] = reading.likeness
-        return Found(faces.box, faces.face, seen.rings, seen.sigma_px, likeness), there
+                there[rows] = self._shown(grey, seen, found, rows, b)
+        return found, there
+
+    def _shown(
+        self, grey: Several, seen: Outlines, found: Found, rows: NDArray[np.intp], b: int
+    ) -> NDArray[np.bool_]:
+        """Whether the faces in these rows, all of the codebook ``b``, show what they should.
+
+        What has to be read anew is noted in ``found``.
+        """
+        book, at = self._books[b], slice(None) if len(rows) == len(found) else rows
+        some = found[at]
+        now = cell_values(grey[at], some.rings, book)
+        shown = self._looks_the_same(now, some, book)
+        other = rows[~shown]
+        if other.size:
+            glyph = self._places[found.box[other], found.face[other], 1]
+            reading = read_codes(grey[other], seen[other], book, glyph)
+            found.likeness[other] = reading.likeness
+            found.look[other, : now.shape[1]] = reading.look
+            shown[~shown] = self._clear(found.rings[other], reading, book) & reading.certain
+        return shown
 
     def convincing(self, found: Found) -> NDArray[np.bool_]:
         """Which faces are clear enough to be believed without a history, and, by the camera, seen as squares are."""
@@ -219,7 +252,7 @@ class Detector:
 
     def code(self, box: int, face: int, first: int) -> str:
         """What a face shows, row by row from the corner ``first`` of its ring."""
-        book, i = self._places[box, face]
+        book, i = self._places[box, face].tolist()
         return code_of(np.rot90(self._books[book].glyphs[i].cells, first))
 
     def cells(self, box: int, face: int) -> int:
@@ -241,20 +274,41 @@ class Detector:
         )
         return np.asarray(enough & (seen.bend > _LEAST_SINE), np.bool_)
 
-    def _clear(self, seen: Outlines, reading: Reading, book: Codebook) -> NDArray[np.bool_]:
+    def _clear(self, rings: Floats, reading: Reading, book: Codebook) -> NDArray[np.bool_]:
+        return self._enough(rings, reading.likeness, reading.contrast, book)
+
+    def _enough(self, rings: Floats, likeness: Floats, contrast: Floats, book: Codebook) -> NDArray[np.bool_]:
         e = self.evidence
-        cell = sides_px(seen.rings).min(1) / (book.n + 2)
-        fine = (reading.likeness >= e.likeness) & (reading.contrast >= e.contrast) & (cell >= e.min_cell_px)
+        cell = sides_px(rings).min(1) / (book.n + 2)
+        fine = (likeness >= e.likeness) & (contrast >= e.contrast) & (cell >= e.min_cell_px)
         return np.asarray(fine, np.bool_)
 
-    def _faces(self, seen: Outlines, glyph: NDArray[np.intp], likeness: Floats, book: Codebook) -> Found:
+    def _looks_the_same(self, now: Floats, faces: Found, book: Codebook) -> NDArray[np.bool_]:
+        """Which faces (n,) need not be read, since their cells (n, cells) are as they were when that was done.
+
+        Angles between images add up at most: what is near an image that is near the marker is not far from the marker.
+        """
+        look = faces.look[:, : now.shape[1]]
+        power, product = np.einsum("nc,nc->n", look, look), np.einsum("nc,nc->n", look, now)
+        contrast = product / np.maximum(power, 1e-9)
+        # squared cosine and tangent of the angle between the two
+        cosine2 = np.minimum(contrast * product / np.maximum(np.einsum("nc,nc->n", now, now), 1e-9), 1.0)
+        same = power * (1 - cosine2) <= _SAME_LOOK**2 * cosine2
+        least = np.cos(np.arccos(np.sqrt(cosine2)) + np.arccos(np.clip(faces.likeness, -1, 1)))
+        return same & self._enough(faces.rings, least, contrast, book)
+
+    def _faces(self, seen: Outlines, reading: Reading, rows: NDArray[np.intp], book: Codebook) -> Found:
+        glyphs = [book.glyphs[i] for i in reading.glyph[rows].tolist()]
         turn, box, face = (
-            np.array([getattr(book.glyphs[i], name) for i in glyph], np.intp)
-            for name in ("turn", "box", "face")
+            np.array([getattr(glyph, name) for glyph in glyphs], np.intp) for name in ("turn", "box", "face")
         )
         order = (turn[:, None] + np.arange(4)) % 4
-        rings = np.take_along_axis(seen.rings, order[..., None], 1)
-        return Found(box, face, rings, np.take_along_axis(seen.sigma_px, order, 1), likeness)
+        rings = np.take_along_axis(seen.rings[rows], order[..., None], 1)
+        look, k = np.zeros((len(rows), self._cells)), book.n + 2
+        for row, i, glyph in zip(look, rows.tolist(), glyphs, strict=True):
+            row[: k * k] = np.rot90(reading.look[i].reshape(k, k), glyph.turn).ravel()
+        sigma_px = np.take_along_axis(seen.sigma_px[rows], order, 1)
+        return Found(box, face, rings, sigma_px, reading.likeness[rows], look)
 
 
 def face_keys(found: Found) -> list[tuple[int, int]]:
@@ -280,3 +334,23 @@ def same_place(rings: Floats, known: Floats, within_px: float) -> NDArray[np.boo
     turned = known[:, (np.arange(4)[:, None] + np.arange(4)) % 4]
     apart = np.abs(rings[:, None, None] - turned).max((-1, -2))
     return np.asarray((apart <= within_px).any((1, 2)), np.bool_)
+
+
+def belonging(rings: Floats, known: Floats) -> NDArray[np.bool_]:
+    """Which rings (n, 4, 2) are part of a known one (m, 4, 2) or the other way round, all of them clockwise."""
+    size, whole = _area(rings)[:, None], _area(known)
+    part = _within(rings, known) & (size < _SMALLER * whole)
+    around = _within(known, rings).T & (whole < _SMALLER * size)
+    return np.asarray((part | around).any(1), np.bool_)
+
+
+def _within(rings: Floats, others: Floats) -> NDArray[np.bool_]:
+    """Whether the middle of each ring (n, 4, 2) is inside of each of the others (m, 4, 2)."""
+    side = others[:, (1, 2, 3, 0)] - others
+    way = rings.mean(1)[:, None, None] - others
+    return np.asarray((side[..., 0] * way[..., 1] > side[..., 1] * way[..., 0]).all(-1), np.bool_)
+
+
+def _area(rings: Floats) -> Floats:
+    one, other = rings[:, 2] - rings[:, 0], rings[:, 3] - rings[:, 1]
+    return np.asarray(0.5 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]), np.float64)

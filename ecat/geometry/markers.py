@@ -151,13 +151,15 @@ class Reading:
 
     ``glyph`` (n,) index in the codebook, of the glyph that explains the image best; ``likeness`` (n,) its correlation
     with the image; ``contrast`` (n,) grey levels between white and black; ``certain`` (n,) no cell would be better
-    explained by the other value.
+    explained by the other value; ``look`` (n, cells) the grey values of the cells, the border's too, without what light
+    explains and in units of the contrast.
     """
 
     glyph: NDArray[np.intp]
     likeness: Floats
     contrast: Floats
     certain: NDArray[np.bool_]
+    look: Floats
 
 
 def read_codes(
@@ -171,10 +173,9 @@ def read_codes(
     Where it is known what they should show, ``glyph`` (n,), they are compared with that alone.
     """
     k = book.n + 2
-    matrix = homographies(seen.rings)
-    kernel = _kernels(matrix, seen.blur_px, k)
-    values = _cell_values(grey, matrix, k)
-    values = values - (values @ _ground(k)) @ _ground(k).T
+    square = homographies(seen.rings)
+    kernel = _kernels(square, seen.blur_px, k)
+    values = _without_light(_cell_values(grey, square, k), k)
     if glyph is None:
         expected = (kernel @ book.shaded.reshape(len(_SHIFTS), -1)).reshape(len(kernel), -1, k * k)
     else:
@@ -188,56 +189,81 @@ def read_codes(
     left = values - contrast[:, None] * expected[rows, best]
     shown = best if glyph is None else glyph
     certain = _no_better_cell(left.reshape(-1, k, k), kernel, book.plain[shown], contrast)
-    return Reading(shown, likeness[rows, best], contrast, certain & (contrast > 0))
+    look = values / np.maximum(contrast, 1e-9)[:, None]
+    return Reading(shown, likeness[rows, best], contrast, certain & (contrast > 0), look)
 
 
-def homographies(rings: Floats) -> Floats:
-    """Homographies (n, 3, 3) that take the unit square (0, 0), (1, 0), (1, 1), (0, 1) to rings (n, 4, 2).
+def cell_values(grey: NDArray[np.uint8] | Several, rings: Floats, book: Codebook) -> Floats:
+    """Mean grey values of all cells (n, (book.n + 2)^2), without what even or slanting light could explain."""
+    k = book.n + 2
+    return _without_light(_cell_values(grey, homographies(rings), k), k)
+
+
+@dataclass(frozen=True)
+class Homographies:
+    """Homographies (n,) of the unit square: u, v lie at (right u + down v + start) / (g u + h v + 1).
+
+    Pixels are complex numbers, x + iy.
+    """
+
+    right: NDArray[np.complex128]
+    down: NDArray[np.complex128]
+    start: NDArray[np.complex128]
+    g: Floats
+    h: Floats
+
+    def pixels(self, places: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Where places u, v, 1 (..., 3, k) of the square are in the image (..., n, k)."""
+        above = np.stack([self.right, self.down, self.start], 1).astype(np.complex64)
+        below = np.stack([self.g, self.h, np.ones_like(self.g)], 1).astype(np.float32)
+        points = above @ places
+        points *= 1 / np.maximum(below @ places.real, np.float32(1e-6))
+        return points
+
+
+def homographies(rings: Floats) -> Homographies:
+    """Those that take (0, 0), (1, 0), (1, 1), (0, 1) to the corners of rings (n, 4, 2).
 
     Heckbert, Fundamentals of Texture Mapping and Image Warping (1989), §2.2.3.
     """
-    p = np.asarray(rings, np.float64)
-    d1, d2 = p[:, 1] - p[:, 2], p[:, 3] - p[:, 2]
-    s = p[:, 0] - p[:, 1] + p[:, 2] - p[:, 3]
-    det = d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1]
+    p0, p1, p2, p3 = np.ascontiguousarray(rings, np.float64).view(np.complex128)[..., 0].T
+    d1, d2, s = (p1 - p2).conj(), p3 - p2, p0 - p1 + p2 - p3
+    det = (d1 * d2).imag
     det = np.where(np.abs(det) < 1e-9, 1e-9, det)
-    g = (s[:, 0] * d2[:, 1] - d2[:, 0] * s[:, 1]) / det
-    h = (d1[:, 0] * s[:, 1] - s[:, 0] * d1[:, 1]) / det
-    first = p[:, 1] - p[:, 0] + g[:, None] * p[:, 1]
-    second = p[:, 3] - p[:, 0] + h[:, None] * p[:, 3]
-    top = np.stack([first, second, p[:, 0]], -1)
-    return np.concatenate([top, np.stack([g, h, np.ones_like(g)], -1)[:, None]], 1)
+    g, h = (s.conj() * d2).imag / det, (d1 * s).imag / det
+    return Homographies(p1 - p0 + g * p1, p3 - p0 + h * p3, p0, g, h)
 
 
-def _cell_values(grey: NDArray[np.uint8] | Several, matrix: Floats, k: int) -> Floats:
+def _cell_values(grey: NDArray[np.uint8] | Several, square: Homographies, k: int) -> Floats:
     """Mean grey value of every cell (n, k * k), row by row from each ring's first corner."""
-    points = matrix @ _cell_points(k)
-    pixels = (points[:, :2] / np.maximum(points[:, 2:], 1e-6)).astype(np.float32)
-    values = sample(grey, pixels[:, 0].copy(), pixels[:, 1].copy()).reshape(len(matrix), k * k, 4)
-    return values.sum(-1, dtype=np.float64) / 4
+    points = square.pixels(_cell_points(k))
+    each = len(points)
+    values = sample(grey, points.view(np.float32).reshape(each, -1, 2))
+    return values.sum(0, dtype=np.uint16).reshape(-1, k * k) / each
 
 
 @cache
-def _cell_points(k: int) -> Floats:
-    """The four places (3, k * k * 4), homogeneous, at which every cell of the unit square is sampled."""
+def _cell_points(k: int) -> NDArray[np.complex64]:
+    """u, v, 1 (4, 3, k * k) of the four places at which every cell of the unit square is sampled.
+
+    They are on top of each other, so that a cell's mean is one sum.
+    """
     row, column = np.divmod(np.arange(k * k), k)
-    centre = np.stack([column, row], -1) + 0.5
-    flat = ((centre[:, None] + _WITHIN) / k).reshape(-1, 2)
-    return np.concatenate([flat.T, np.ones((1, len(flat)))])
+    u, v = (((np.stack([column, row], -1) + 0.5 + _WITHIN[:, None]) / k)[..., i] for i in (0, 1))
+    return np.stack([u, v, np.ones_like(u)], 1).astype(np.complex64)
 
 
-def _kernels(matrix: Floats, blur_px: Floats, k: int) -> Floats:
+def _kernels(square: Homographies, blur_px: Floats, k: int) -> Floats:
     """Weights (n, 25) of the neighbours in a cell's blurred value, from the image's blur at each ring's centre."""
     # the derivative of pixels by cells at the centre, where the homography's denominator is w
-    w = (0.5 * (matrix[:, 2, 0] + matrix[:, 2, 1]) + matrix[:, 2, 2])[:, None]
-    middle = (0.5 * (matrix[:, :2, 0] + matrix[:, :2, 1]) + matrix[:, :2, 2]) / w
-    jx = (matrix[:, :2, 0] - middle * matrix[:, 2:, 0]) / (w * k)
-    jy = (matrix[:, :2, 1] - middle * matrix[:, 2:, 1]) / (w * k)
-    det = jx[:, 0] * jy[:, 1] - jx[:, 1] * jy[:, 0]
-    scale = blur_px**2 / np.maximum(det**2, 1e-9)
-    xx = scale * (jy**2).sum(1) + _CELL_VARIANCE
-    yy = scale * (jx**2).sum(1) + _CELL_VARIANCE
-    xy = -scale * (jx * jy).sum(1)
+    w = 0.5 * (square.g + square.h) + 1
+    middle = (0.5 * (square.right + square.down) + square.start) / w
+    w *= k
+    jx, jy = (square.right - middle * square.g) / w, (square.down - middle * square.h) / w
+    product = jx.conj() * jy
+    scale = blur_px**2 / np.maximum(product.imag**2, 1e-9)
+    xx, yy = scale * np.abs(jy) ** 2 + _CELL_VARIANCE, scale * np.abs(jx) ** 2 + _CELL_VARIANCE
+    xy = -scale * product.real
     form = np.stack([yy, xx, -2 * xy], -1) / (-2 * (xx * yy - xy**2))[:, None]
     weight = np.exp(form @ _SQUARES)
     return weight / weight.sum(1, keepdims=True)
@@ -249,6 +275,10 @@ def _ground(k: int) -> Floats:
     row, column = np.divmod(np.arange(k * k), k)
     basis = np.stack([np.ones(k * k), column - (k - 1) / 2, row - (k - 1) / 2], -1)
     return np.asarray(basis / np.linalg.norm(basis, axis=0), np.float64)
+
+
+def _without_light(values: Floats, k: int) -> Floats:
+    return values - (values @ _ground(k)) @ _ground(k).T
 
 
 @cache

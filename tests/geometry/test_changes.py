@@ -6,7 +6,18 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.geometry.changes import TILE_PX, Changes, Region, around, grown, merged, tile_means
+from ecat.geometry.changes import (
+    TILE_PX,
+    Changes,
+    Region,
+    around,
+    grown,
+    marked,
+    merged,
+    regions,
+    tile_means,
+    touched,
+)
 
 WIDTH, HEIGHT = 160, 120
 COORDINATES = st.integers(0, 40)
@@ -40,7 +51,7 @@ def test_noise_is_no_change_and_a_patch_is_where_it_is() -> None:
         grey = rng.normal(120, 3, (HEIGHT, WIDTH))
         if patch:
             grey[40:60, 80:100] += 60
-        return changes.look(tile_means(np.clip(grey, 0, 255).astype(np.uint8)))
+        return regions(changes.look(tile_means(np.clip(grey, 0, 255).astype(np.uint8))))
 
     assert look(patch=False) == [(0, 0, WIDTH, HEIGHT)]  # never looked at before
     assert [look(patch=False) for _ in range(30)] == [[]] * 30
@@ -55,15 +66,37 @@ def test_noise_is_no_change_and_a_patch_is_where_it_is() -> None:
 def test_slow_changes_count_once_they_have_added_up() -> None:
     changes = Changes(5)
     seen = [changes.look(np.full((10, 10), 100 + i, np.uint8)) for i in range(11)]
-    assert [i for i, regions in enumerate(seen) if regions] == [0, 5, 10]
+    assert [i for i, changed in enumerate(seen) if changed.all()] == [0, 5, 10]
+    assert sum(int(changed.any()) for changed in seen) == 3
 
 
 def test_distant_changes_are_separate_regions() -> None:
     changes = Changes(5)
     tiles = np.full((30, 30), 100, np.uint8)
-    changes.all_seen(tiles)
+    assert changes.all_seen(tiles).all()
     tiles[2, 3] = tiles[25, 20] = 0
-    assert len(changes.look(tiles)) == 2
+    assert len(regions(changes.look(tiles))) == 2
+    assert regions(changes.look(tiles)) == []
+
+
+def test_rings_are_told_by_whether_something_changed_there() -> None:
+    changed = np.zeros((10, 12), np.uint8)
+    changed[3, 4] = changed[9, 11] = 1
+    square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
+    corners = ([32, 24], [24, 16], [41, 24], [32, 8], [97, 85], [-30, -30], [200, 200])
+    rings = np.stack([square + corner for corner in np.array(corners, float)])
+    # what is beyond the last tile belongs to it
+    assert touched(changed, rings).tolist() == [True, True, False, False, True, False, True]
+    among = np.array([False, True, True, False, False, False, False])
+    assert touched(changed, rings, among).tolist() == [False, True] + [False] * 5
+    assert touched(np.zeros((0, 0), np.uint8), rings).tolist() == [False] * 7
+
+
+def test_regions_can_be_looked_at_whether_they_changed_or_not() -> None:
+    changed = np.zeros((10, 12), np.uint8)
+    more = marked(changed, [(9, 16, 17, 24), (80, 70, 200, 90)])
+    assert not changed.any()
+    assert np.argwhere(more).tolist() == [[2, 1], [2, 2], [8, 10], [8, 11], [9, 10], [9, 11]]
 
 
 def test_regions_grow_up_to_the_image() -> None:
@@ -79,10 +112,10 @@ def test_what_moved_is_looked_for_further_away() -> None:
 
 
 @given(REGIONS)
-def test_merged_regions_cover_the_same_and_do_not_overlap(regions: list[Region]) -> None:
-    found = merged(regions)
+def test_merged_regions_cover_the_same_and_do_not_overlap(parts: list[Region]) -> None:
+    found = merged(parts)
     covered = np.zeros((60, 60), int)
     for left, top, right, bottom in found:
         covered[top:bottom, left:right] += 1
     assert covered.max(initial=0) <= 1
-    assert all(covered[t:b, x:r].all() for x, t, r, b in regions)
+    assert all(covered[t:b, x:r].all() for x, t, r, b in parts)

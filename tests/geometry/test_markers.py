@@ -54,9 +54,9 @@ def test_an_unknown_dictionary_or_number_is_an_error_that_says_what_there_is() -
 @settings(max_examples=20)
 def test_homographies_lead_to_the_corners(seed: int) -> None:
     ring = random_ring(np.random.default_rng(seed), 30.0)
-    unit = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1.0]])
-    there = unit @ homographies(ring[None])[0].T
-    assert np.allclose(there[:, :2] / there[:, 2:], ring)
+    unit = np.array([[0, 1, 1, 0], [0, 0, 1, 1], [1, 1, 1, 1]], np.complex64)
+    there = homographies(ring[None]).pixels(unit)[0]
+    assert np.allclose(np.stack([there.real, there.imag], 1), ring, atol=1e-3)
 
 
 @pytest.mark.parametrize("blur_px", [0.2, 1.0])
@@ -106,8 +106,8 @@ def test_a_border_that_is_not_dark_is_not_a_marker() -> None:
     grey = photograph(rng, [code], [ring], shape=(100, 100))
     seen = outline(grey, ring[None], reach_px=2)
     assert read_codes(grey, seen, book).certain[0]
-    top = homographies(ring[None])[0] @ np.array([0.5, 0.07, 1])
-    cv2.circle(grey, tuple(int(v) for v in np.round(top[:2] / top[2])), 3, 220, -1)
+    top = homographies(ring[None]).pixels(np.array([[0.5], [0.07], [1]], np.complex64))[0, 0]
+    cv2.circle(grey, (round(top.real), round(top.imag)), 3, 220, -1)
     assert not read_codes(grey, seen, book).certain[0]
 
 

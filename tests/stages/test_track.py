@@ -19,7 +19,8 @@ from ecat.geometry.detection import Detector, Evidence, Found
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_rotvec
 from ecat.model.prototype import PEPSI, SHELL, STELLA_ARTOIS
 from ecat.stages.sightings import box_sightings, read_faces
-from ecat.stages.track import Tracker, TrackParameters, object_ids, track_markers
+from ecat.stages.track import object_ids, track_markers
+from ecat.stages.tracker import Tracker, TrackParameters
 from ecat.tables import MARKERS_2D
 from tests.geometry.printed import exposed, paint, wall
 
@@ -155,6 +156,52 @@ def test_a_box_put_into_view_is_found_in_the_same_image() -> None:
     ]
     assert found[:3] == [0] * 3
     assert min(found[3:]) >= 2
+
+
+def test_a_face_that_shows_for_one_image_while_an_arm_passes_is_found_there() -> None:
+    rng = np.random.default_rng(14)
+    sleeve = np.repeat(rng.integers(40, 160, 60), 8).astype(np.uint8)
+    images: list[NDArray[np.uint8]] = []
+    for i in range(26):
+        grey = image_of(rng, pose_at(0.0, 2.3))
+        if i > 4 and i != 13:
+            grey[:, 20 + 8 * i : 220 + 8 * i] = np.roll(sleeve, 5 * i)[:200]
+        images.append(grey)
+    detector = Detector(BOXES, CAMERA)
+    searched = faces_of([detector.search(image) for image in images])
+    assert {i for i, _, _ in searched} >= {0, 4, 13}
+    assert not {i for i, _, _ in searched} & {11, 12, 14, 15}
+    tracker = Tracker(detector, TrackParameters(prototypes=BOXES, every=1000))
+    assert faces_of(list(tracker.follow(images))) >= searched
+
+
+def test_a_face_that_gets_clear_by_and_by_is_found_though_no_tile_changes() -> None:
+    rng = np.random.default_rng(16)
+    ring = np.array([[200.0, 150], [224, 152], [222, 176], [199, 174]])
+    images: list[NDArray[np.uint8]] = []
+    for i in range(24):
+        image = wall(np.random.default_rng(0), (360, 480))
+        paint(image, SHELL.faces[0].code, ring)
+        images.append(exposed(image, rng, blur_px=1.2, noise=26.0 if i < 10 else 2.0))
+    detector = Detector(BOXES)
+    assert not len(detector.search(images[0]))
+    searched = faces_of([detector.search(image) for image in images])
+    parameters = TrackParameters(prototypes=BOXES, every=1000, changed=255)
+    followed = faces_of(list(Tracker(detector, parameters).follow(images)))
+    assert followed >= searched >= {(i, 0, 0) for i in range(10, 24)}
+
+
+def test_a_box_that_is_turned_while_out_of_sight_shows_another_face_at_the_same_place() -> None:
+    rng = np.random.default_rng(15)
+    ring = np.array([[200.0, 150], [260, 154], [256, 214], [198, 210]])
+    images: list[NDArray[np.uint8]] = []
+    for face in [0] * 5 + [None] * 5 + [1] * 5:
+        image = wall(np.random.default_rng(0), (360, 480))
+        if face is not None:
+            paint(image, SHELL.faces[face].code, ring)
+        images.append(exposed(image, rng))
+    found = list(Tracker(Detector(BOXES), TrackParameters(prototypes=BOXES, every=1000)).follow(images))
+    assert [f.face.tolist() for f in found] == [[0]] * 5 + [[]] * 5 + [[1]] * 5
 
 
 def test_a_box_that_appears_while_it_moves_is_followed_back_to_its_first_image() -> None:
