@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable
 from functools import cached_property
 
@@ -65,12 +66,16 @@ class Surroundings:
     # ------------------------------------------------------------------------------------------ layers
 
     def make_layer(self, scheme: str) -> None:
-        """Make the layer, empty, unless somebody else does at this moment."""
+        """Make the layer, empty, unless somebody else does at this moment.
+
+        Its objects are numbered after those that are there: tables name a thing by its id alone, and what somebody
+        draws would go by the name of what was recorded.
+        """
         if scheme:
             find_scheme(self._session, scheme)
         for _ in range(_TRIES):
             with contextlib.suppress(StaleError, LockedError), self._session.write() as commit:
-                commit.put_layer(Layer(name=self._layer, scheme=scheme))
+                commit.put_layer(Layer(name=self._layer, scheme=scheme, object_counter=self._objects()))
             if self._session.refresh().manifest.layer(self._layer) is not None:
                 return
         raise LockedError(
@@ -79,6 +84,12 @@ class Surroundings:
             consequence="nothing was written",
             fix="do it again when they have finished",
         )
+
+    def _objects(self) -> int:
+        """The highest number of an object of any layer."""
+        layers = (self._session.layer(record.name) for record in self._session.manifest.layers)
+        numbers = (re.fullmatch(r"o([0-9]{1,9})", thing.id) for layer in layers for thing in layer.objects)
+        return max((int(number[1]) for number in numbers if number), default=0)
 
     def read_layer(self) -> tuple[Layer, Place, str]:
         """The layer as it was last saved, how much of its journal it contains, and the sha256 of its XML."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from ecat.cli.edit import author_option, editing, layer_option, path_argument
 from ecat.cli.output import Output
 from ecat.cli.text import count
 from ecat.cli.verb import verb
-from ecat.errors import FormatError
+from ecat.errors import EcatError, FormatError
 
 MAX_BYTES = 256 << 20
 
@@ -46,15 +48,31 @@ def command(out: Output, path: Path, source: Path, layer: str, author: str | Non
     """  # noqa: D301  click wants the backspace itself
     from ecat.annotate import operations_from_list
 
-    operations = operations_from_list(_read(source))
+    asked = _read(source)
+    with _placed(f"{source}"):
+        operations = operations_from_list(asked)
     with editing(path, layer, author, new=True) as editor, out.progress() as progress:
         if one_step and operations:
-            editor.apply(operations)
+            with _placed(f"{source}"):
+                editor.apply(operations)
         for done, operation in enumerate([] if one_step else operations):
             progress("editing", done, len(operations))
-            editor.apply(operation)
+            with _placed(f"{source}: operation {done + 1} of {len(operations)}", done):
+                editor.apply(operation)
         data = {"layer": layer, "applied": len(operations), "revision": editor.revision}
     out.result(data, f"{count(len(operations), 'operation')}, revision {data['revision']} of layer {layer}")
+
+
+@contextmanager
+def _placed(where: str, done: int = 0) -> Generator[None]:
+    """Say in errors which operation was refused, and what became of the ``done`` ones before it."""
+    try:
+        yield
+    except EcatError as error:
+        error.where = f"{where}\n{error.where}"
+        if done:
+            error.consequence = f"the {count(done, 'operation')} before it stay, and nothing else was changed"
+        raise
 
 
 def _read(source: Path) -> list[Any]:

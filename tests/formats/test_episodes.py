@@ -12,7 +12,7 @@ import pytest
 
 from ecat.errors import EcatError, InputError, NotFoundError, UsageError
 from ecat.formats.episode_plan import Plan
-from ecat.formats.episodes import Episode, EpisodeOptions, clock_method, episodes_of
+from ecat.formats.episodes import Episode, EpisodeOptions, clock_method, episodes_of, left_behind
 from ecat.store import Session, open_session
 from tests.formats.lerobot.recordings import NS, Action, Recording, make, pose
 
@@ -205,8 +205,24 @@ def test_of_layers_the_agreed_one_counts_then_main_then_the_first_persons(tmp_pa
         for name in ("", "main")
     }
     assert layers == {"": "gold", "main": "main"}
-    with pytest.raises(NotFoundError, match="layer"):
+    with pytest.raises(NotFoundError) as raised:
         episodes(open_session(session.path), layer="anne")
+    assert raised.value.where is not None
+    assert "there is no layer anne; its layers are: " in raised.value.where
+    assert all(name in raised.value.where for name in layers.values())
+    assert raised.value.fix == "--option layer=NAME takes one of them; without it, that is gold"
+
+
+def test_what_moments_have_no_place_for_is_said(tmp_path: Path) -> None:
+    session = make(tmp_path, Recording(views=("color", "depth")))
+    with session.write() as commit:
+        commit.put_layer(replace(session.layer("main"), name="anne"))
+    session = open_session(session.path)
+    assert list(left_behind(session, session.layer("main"), "the data set", ["color"])) == [
+        "the data set has no place for: 4 roles",
+        "streams left behind: depth",
+        "layer main was written, not anne: --option layer=NAME takes another",
+    ]
 
 
 def test_a_recording_without_frames_is_one_typed_error(tmp_path: Path) -> None:

@@ -294,13 +294,14 @@ def test_events_that_are_repeated_are_named_one_by_one(served: Any, annotating: 
     annotating.find("windows-yes").click()
     annotating.closed("windows")
     annotating.at(0)
-    for key in "756":
-        annotating.press("ArrowDown", "p", " ")
-        start, end = annotating.says("app.cursor.loop")
-        annotating.until(f"app.cursor.frame > {start + 5}")
+    annotating.press("ArrowDown", "p")
+    for at, key in enumerate("756"):
+        assert annotating.says("app.cursor.loop") == [40 * at, 40 * at + 40]
+        annotating.until(f"app.cursor.frame > {40 * at + 5}")
         annotating.press(key)
-        assert start <= annotating.says("app.cursor.frame") < end
-        annotating.press(" ", "p")
+        assert 40 * at <= annotating.says("app.cursor.frame") < 40 * at + 40
+        annotating.press("ArrowDown")
+    annotating.press(" ", "p")
     named = sorted(served.layer().events, key=_begin)[:3]
     assert [e.type for e in named] == ["slide_around", "slide_next", "slide_past"]
     assert annotating.says("app.running.length") == 0

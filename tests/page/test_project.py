@@ -236,6 +236,22 @@ def test_windows_are_laid_over_all_sessions(served: Any, listed: Any, blank_once
         shutil.rmtree(other)
 
 
+def test_all_sessions_are_edited_in_the_layer_to_begin_with(served: Any, annotating: Any) -> None:
+    annotating.find("layer-button").click()
+    annotating.find("new-layer").click()
+    annotating.find("prompt-input").fill("ben")
+    annotating.find("prompt-yes").click()
+    annotating.until("app.activeLayer === 'ben'")
+    annotating.page.keyboard.press("Escape")
+    annotating.closed("layers")
+    annotating.page.evaluate("() => { location.hash = '#/'; }")
+    for button, field in (("windows-everywhere", "windows-layer"), ("find-everywhere", "prompt-input")):
+        annotating.find(button).click()
+        assert annotating.find(field).input_value() == "main"
+        annotating.page.keyboard.press("Escape")
+        annotating.page.wait_for_selector("dialog", state="detached")
+
+
 def test_objects_are_found_in_the_texts_of_all_sessions(served: Any, listed: Any) -> None:
     session = served.session()
     told = Event(id="a1", text="Shell passes", segments=(Segment(start_frame=1, end_frame=5),))

@@ -293,6 +293,7 @@ export async function markAbsent(app: App): Promise<void> {
   await attempt(app, { op: "set_absent", object: object.id, frame: app.cursor.frame });
 }
 
+/** Plays the selected segment again and again, or no longer. */
 export function toggleLoop(app: App): void {
   if (app.cursor.loop !== null) return app.setLoop(null);
   const event = app.selectedEvent;
@@ -300,7 +301,8 @@ export function toggleLoop(app: App): void {
   const { start, end } = app.marks;
   if (segment !== undefined) app.setLoop([segment.start_frame, segment.end_frame]);
   else if (start !== null && end !== null) app.setLoop([Math.min(start, end), Math.max(start, end)]);
-  else app.notify("Select an event, or set the marks I and O, to repeat a stretch.");
+  else return app.notify("Select an event, or set the marks I and O, to repeat a stretch.");
+  app.setPlaying(true);
 }
 
 /** Enter: accepts selected proposals, confirms selected events, ends running labels. */

@@ -86,7 +86,7 @@ export function createAdjudicate(host: HTMLElement, app: App): { destroy(): void
     if (layer === undefined || agreement === null) return;
     const operations = agreed(app, chosen, agreement);
     if (operations.length === 0) return app.notify("Nothing is left to take over: sub-events come with their events.");
-    if ((await attempt(app, operations)) !== null) app.notify(`${operations.length} things that both agree on were taken over.`);
+    if ((await attempt(app, operations)) !== null) app.notify(`${operations.length} ${operations.length === 1 ? "thing that both agree on was" : "things that both agree on were"} taken over.`);
     show();
   };
 

@@ -54,7 +54,7 @@ export function createBrowser(host: HTMLElement, app: App): { destroy(): void } 
   const name = (s: SessionSummary): (HTMLElement | null)[] => [link(s), s.path === "" || s.path.split("/").at(-1) === s.name ? null : h("div.muted.mono", null, s.path)];
   const link = (s: SessionSummary): HTMLElement => s.error ? h("span", { title: s.error }, s.name, " ", h("span.chip.bad", null, "cannot be read")) : h("a", { href: `#/session/${encodeURIComponent(s.id)}` }, s.name);
   const row = (s: SessionSummary): HTMLElement => h("tr", { "data-testid": `session-${s.id}` },
-    COLUMNS.map((c) => h(c.number ? "td.number" : "td", null, c.key === "name" ? name(s) : c.text(s))),
+    COLUMNS.map((c) => h(c.number ? "td.number" : `td.${c.key}`, null, c.key === "name" ? name(s) : c.text(s))),
     project?.whole ? h("td.tools", null, sessionTools(app, s, () => void load())) : null);
   /** Where a project is, unless its name says it. */
   const folder = (path: string): string => (path === "" || path === project?.projects.find((p) => p.path === path)?.name ? "" : ` ${path}`);

@@ -21,7 +21,7 @@ export function goTo(app: App, selected: Selected | null): void {
   }
 }
 
-/** Selects the previous (-1) or next (+1) event in time among those shown. */
+/** Selects the previous (-1) or next (+1) event in time among those shown; what is repeated is that one then. */
 export function stepEvent(app: App, by: -1 | 1): void {
   const all = app.shownLayers.flatMap((l) => l.document.events.list
     .filter((e) => l.name !== MACHINE || app.decided(e.id) === null)
@@ -30,7 +30,11 @@ export function stepEvent(app: App, by: -1 | 1): void {
   const now = app.primary?.kind === "event" ? all.findIndex((e) => e.id === app.primary?.id && e.layer === app.primary.layer) : -1;
   const frame = app.cursor.frame;
   const next = now >= 0 ? all[now + by] : by > 0 ? all.find((e) => e.at[0] >= frame) : all.findLast((e) => e.at[0] <= frame);
-  if (next !== undefined) goTo(app, { kind: "event", id: next.id, layer: next.layer });
+  if (next === undefined) return;
+  goTo(app, { kind: "event", id: next.id, layer: next.layer });
+  // a key names the event that is selected: it has to be the one that is seen
+  const segment = app.selectedEvent?.segments[0];
+  if (app.cursor.loop !== null && segment !== undefined) app.setLoop([segment.start_frame, segment.end_frame]);
 }
 
 /** Moves the cursor to the previous or next edge of any shown event. */

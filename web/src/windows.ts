@@ -22,7 +22,7 @@ export async function openWindows(app: App, sessions: number): Promise<void> {
   const existing = select("existing", EXISTING);
   const scope = select("scope", { ...(here ? { session: "this session" } : {}), ...(sessions > 1 || !here ? { project: `all ${sessions} sessions of the project` } : {}) });
   const layer = text("layer");
-  layer.value = app.activeLayer;
+  layer.value = app.project?.layer || app.activeLayer;
   const count = h("p.muted", { role: "status" });
   const plan = (): { start: number; step: number; duration: number; n: number } => {
     const [start, step, duration] = [fields.start, fields.step, fields.duration].map((f) => Math.round(f.valueAsNumber)) as [number, number, number];

@@ -236,9 +236,10 @@ class TestRecords:
     def test_what_gathers_around_records_is_dropped(self) -> None:
         data = b"<r>" + b"<w><a/></w><j/>" * 100_000 + b"</r>"
         most = 0
-        for record in iter_records(data, tags=("a",), whole=(), what="cannot read it"):
-            root = record.getroottree().getroot()
-            most = max(most, len(root))
+        for number, record in enumerate(iter_records(data, tags=("a",), whole=(), what="cannot read it")):
+            # counting takes as long as there are siblings
+            if number % 50 == 0:
+                most = max(most, len(record.getroottree().getroot()))
         # what one piece of the document brings, and the few that may gather
         assert most < 40_000 + MAX_SIBLINGS
 

@@ -108,7 +108,7 @@ def test_video_is_encoded_anew_where_it_does_not_fit(export: Export) -> None:
     found = export(Recording(actions=(ODD,)), crf="10")
     assert found.how["video"][COLOR]["episodes_encoded"] == 1
     why = "the episode does not begin with a key frame of the recording"
-    assert f"stream color: 1 episodes were encoded anew: {why}" in found.findings
+    assert f"stream color: 1 episode was encoded anew: {why}" in found.findings
     assert brightness(found.images(COLOR)) == pytest.approx([grey(f) for f in range(17, 40)], abs=3)
 
 

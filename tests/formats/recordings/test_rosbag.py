@@ -360,3 +360,19 @@ def test_transforms_are_followed_in_both_directions() -> None:
     assert found is not None
     np.testing.assert_allclose(found.apply(np.zeros(3)), [-1, 0, 0])
     assert chain(edges, "color", "elsewhere") is None
+
+
+def test_an_mcap_file_that_no_robot_recorded_is_told_from_a_damaged_bag(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="test")
+        schema = writer.register_schema("foxglove.Event", "protobuf", b"")
+        writer.add_message(writer.register_channel("/events", "protobuf", schema), 0, b"", 0)
+        writer.finish()
+    with pytest.raises(FormatError) as raised:
+        import_source(tmp_path / "a.mcap", tmp_path / "s")
+    assert "without ROS messages" in str(raised.value.where)
+    assert "reindex" not in str(raised.value.fix)
+    assert not (tmp_path / "s").exists()

@@ -183,6 +183,22 @@ def test_shapes_drawn_by_a_person_are_shown_and_so_is_the_event(tmp_path: Path, 
     assert not (images[20][330:370, 150:350] > 200).any()
 
 
+def test_shapes_are_seen_whole_where_nobody_knows_how_large_the_images_were(
+    tmp_path: Path, out: Path
+) -> None:
+    rectangle = AnnotatedObject(
+        id="o1", kind="rectangle", key_frames=(KeyFrame(frame=0, coordinates=(960, 540, 1600, 900)),)
+    )
+    manifest = Manifest(name="s", created="2024-01-01T00:00:00", n_frames=2)
+    session = create_session(tmp_path / "s", Draft(manifest=manifest, layers=(Layer(objects=(rectangle,)),)))
+    told = exported(FORMAT, session, out, height="1080", qp="5")
+    image, color = movie(out)[0][0], things_of(session)["o1"].color
+    # 844 rows stand for 1440 pixels
+    for u, v in ((960, 900), (1760, 540), (2556, 900), (1760, 1436)):
+        assert has_color_near(image, np.array([u, v]) * 844 / 1440, color)
+    assert "nobody knows how large the images were; 2560 x 1440 pixels are shown" in told
+
+
 def test_without_a_clock_the_images_come_thirty_times_a_second(tmp_path: Path, out: Path) -> None:
     filmed = with_video(tmp_path / "s", "libx264", bf="0")
     manifest = Manifest(
