@@ -30,6 +30,7 @@ MAX_LIVE_BYTES = 256 << 20
 
 MAX_SIBLINGS = 4096
 MAX_SIBLINGS_OF_WHOLE = 100_000
+_RECORDS = 1024
 MAX_RECORD_TAGS = 1_000_000
 
 _CHUNK_BYTES = 1 << 20
@@ -178,14 +179,16 @@ def iter_records(
     """
     feed = _Feed(source, what, None, max_record_bytes)
     feed.cut = cut
-    for element in feed.ends(tags):
+    for number, element in enumerate(feed.ends(tags)):
         yield element
         element.clear(keep_tail=True)
         husk = element.getprevious()
         if husk is not None and husk.tag in tags:
             # the parser may still write behind this element, never behind the one before it
             element.getparent().remove(husk)  # pyright: ignore[reportOptionalMemberAccess]
-        _prune(element, whole, what)
+        # to count what lies beside it takes as long as that is much; it gets more when a piece of the document is fed
+        if feed.record_tags or number % _RECORDS == 0:
+            _prune(element, whole, what)
         feed.record_bytes = feed.record_tags = 0
 
 

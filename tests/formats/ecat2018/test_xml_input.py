@@ -240,8 +240,8 @@ class TestRecords:
             # counting takes as long as there are siblings
             if number % 50 == 0:
                 most = max(most, len(record.getroottree().getroot()))
-        # what one piece of the document brings, and the few that may gather
-        assert most < 40_000 + MAX_SIBLINGS
+        # what one piece of the document brings, and those that may gather, besides a thousand records
+        assert most < 40_000 + MAX_SIBLINGS + 2 * 1024
 
     def test_what_must_stay_whole_stays_until_its_end(self) -> None:
         data = b"<r><o>" + b"<j/>" * 5000 + b"<a/><k/></o></r>"
