@@ -8,7 +8,7 @@ exported.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -128,12 +128,46 @@ def chosen_layer(session: Session, name: str = "") -> Layer:
     NotFoundError : there is no such layer, or none at all.
     """
     there = [record.name for record in session.manifest.layers]
+    what = f"cannot read the annotation of {session.name}"
     if not there:
         raise NotFoundError(
-            f"cannot read the annotation of {session.name}", where="it has no layer", fix="annotate it first"
+            what,
+            where=f"{session.path}: it has no layer",
+            consequence="this session was not written",
+            fix="ecat annotate, ecat process and ecat import --layer make one",
         )
     usual = [n for n in ("gold", "main") if n in there] + [n for n in there if n != MACHINE] + there
+    if name and name not in there:
+        raise NotFoundError(
+            what,
+            where=f"{session.path}: there is no layer {name}; its layers are: {', '.join(there)}",
+            consequence="this session was not written",
+            fix=f"--option layer=NAME takes one of them; without it, that is {usual[0]}",
+        )
     return session.layer(name or usual[0])
+
+
+def left_behind(session: Session, layer: Layer, program: str, streams: Collection[str]) -> Iterator[str]:
+    """What people said or a machine recorded, and moments have no place for, a line each.
+
+    ``streams`` are those that are carried; ``program`` is who reads the moments.
+    """
+    shapes = sum(len(thing.key_frames) + len(thing.key_frames_3d) for thing in layer.objects)
+    counts = {
+        "relations": len(layer.relations),
+        "links between events": sum(len(event.links) for event in layer.events),
+        "roles": sum(len(event.roles) for event in layer.events),
+        "shapes drawn by people": shapes,
+    }
+    if left := [f"{n} {what}" for what, n in counts.items() if n]:
+        yield f"{program} has no place for: {', '.join(left)}"
+    kinds = {*IMAGE_KINDS, "audio", "imu"}
+    kept = [s.name for s in session.manifest.streams if s.present and s.kind in kinds]
+    if rest := [name for name in kept if name not in streams]:
+        yield f"streams left behind: {', '.join(rest)}"
+    others = [r.name for r in session.manifest.layers if r.name not in {layer.name, MACHINE}]
+    if others:
+        yield f"layer {layer.name} was written, not {', '.join(others)}: --option layer=NAME takes another"
 
 
 def image_streams(session: Session) -> dict[str, Stream]:

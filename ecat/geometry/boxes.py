@@ -8,7 +8,8 @@ top left, top right, bottom right, bottom left of the print, seen by a person in
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,3 +184,18 @@ def match_codes(
                 if turns is not None and code not in found:
                     found[code] = (p, f, turns)
     return found
+
+
+def boxes_by_codes(
+    counts: Mapping[tuple[str, str], int], prototypes: Sequence[BoxPrototype], *, mirrored: bool
+) -> dict[str, BoxPrototype]:
+    """The box that each object is: the prototype that most of its codes belong to; objects in their order.
+
+    ``counts`` says how often each code was seen on each object; objects of whose codes none is known are left out.
+    """
+    known = match_codes([code for _, code in counts], prototypes, mirrored=mirrored)
+    votes: dict[str, Counter[int]] = defaultdict(Counter)
+    for (object_id, code), count in counts.items():
+        if code in known:
+            votes[object_id][known[code][0]] += count
+    return {object_id: prototypes[vote.most_common(1)[0][0]] for object_id, vote in sorted(votes.items())}

@@ -1,5 +1,7 @@
 """``rerun-importer-ecat``: makes ``rerun my_session/`` show a session.
 
+Rerun's own importers run beside it; ``ecat view`` shows the session alone.
+
 Rerun calls every program named ``rerun-importer-*`` on the search path with each path that is opened, reads a
 recording from its standard output, and takes exit code 66 as "not mine" (Rerun documentation, Importers).
 """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -13,7 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ecat.errors import LimitError
-from ecat.geometry.boxes import match_codes
+from ecat.geometry.boxes import boxes_by_codes
 from ecat.geometry.transforms import Floats
 from ecat.model import Manifest
 from ecat.model.prototype import BoxPrototype, Triple
@@ -171,12 +170,9 @@ def box_sizes(markers_2d: pa.Table, manifest: Manifest) -> dict[str, Triple]:
     pairs, counts = np.unique(
         np.stack([texts(markers_2d, "object_id"), texts(markers_2d, "code")]), axis=1, return_counts=True
     )
-    known = match_codes(pairs[1].tolist(), prototypes, mirrored=mirrored)
-    votes: dict[str, Counter[int]] = defaultdict(Counter)
-    for object_id, code, count in zip(*pairs.tolist(), counts.tolist(), strict=True):
-        if code in known:
-            votes[object_id][known[code][0]] += count
-    return {object_id: prototypes[found.most_common(1)[0][0]].size_m for object_id, found in votes.items()}
+    seen = dict(zip(zip(*pairs.tolist(), strict=True), counts.tolist(), strict=True))
+    found = boxes_by_codes(seen, prototypes, mirrored=mirrored)
+    return {object_id: box.size_m for object_id, box in found.items()}
 
 
 def things(objects: pa.Table, sizes: Mapping[str, Triple]) -> dict[str, Thing]:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from ecat.geometry.boxes import (
     SQUARE,
     box_corners,
+    boxes_by_codes,
     corner_order,
     from_leftmost,
     identify,
@@ -129,3 +130,10 @@ def test_rings_that_no_square_looks_like_are_told() -> None:
     missing = [good[0], good[1], good[2], [np.nan, np.nan]]
     rings = np.array([good, good[::-1], crossed, flat, point, far, missing])
     assert plausible(rings).tolist() == [True, True, False, False, False, False, False]
+
+
+def test_an_object_is_the_box_that_most_of_its_codes_belong_to() -> None:
+    shell, artois = SHELL.faces[0].code, STELLA_ARTOIS.faces[0].code
+    counts = {("o2", artois): 9, ("o1", shell): 5, ("o1", artois): 4, ("o3", "0" * 25): 7}
+    found = boxes_by_codes(counts, NOMINAL_BOXES, mirrored=False)
+    assert [(key, box.name) for key, box in found.items()] == [("o1", SHELL.name), ("o2", STELLA_ARTOIS.name)]

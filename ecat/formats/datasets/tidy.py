@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from ecat.errors import InputError
 from ecat.formats.datasets.card import CARD, card
 from ecat.formats.episode_plan import Plan
-from ecat.formats.episodes import Episode, EpisodeOptions, clock_method
+from ecat.formats.episodes import IMAGE_KINDS, Episode, EpisodeOptions, clock_method
 from ecat.formats.format import Format, Part
 from ecat.formats.options import option
 from ecat.progress import Progress
@@ -82,10 +82,17 @@ def write_part(
         if not options.tables:
             raise
         write_new_file(dest / _ABOUT, [json.dumps({"columns": []}).encode()])
-        return (f"no moments: {error.where or error.what}",)
+        return (f"no moments: {(error.where or error.what).removeprefix(f'{label}: ')}", *_unseen(session))
     columns = _write_moments(plan, dest, label, options, progress)
     write_new_file(dest / _ABOUT, [json.dumps({"columns": columns}).encode()])
-    return plan.findings
+    return (*plan.findings, *_unseen(session))
+
+
+def _unseen(session: Session) -> Iterator[str]:
+    if streams := [
+        s.name for s in session.manifest.streams if s.present and s.kind in (*IMAGE_KINDS, "audio")
+    ]:
+        yield f"streams left behind: {', '.join(streams)}"
 
 
 def _write_table(session: Session, name: str, label: str, path: Path) -> None:

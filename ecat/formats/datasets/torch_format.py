@@ -32,7 +32,7 @@ from ecat.formats.datasets.arrays import ArrayFile, mapped
 from ecat.formats.datasets.images import EpisodeImages
 from ecat.formats.datasets.options import DatasetOptions
 from ecat.formats.episode_plan import Plan
-from ecat.formats.episodes import Episode, clock_method
+from ecat.formats.episodes import Episode, clock_method, left_behind
 from ecat.formats.format import Format, Part
 from ecat.progress import Progress
 from ecat.stages.resample import ROUNDED_NS
@@ -110,7 +110,7 @@ def write_part(
             fix="ecat formats NAME explains the options",
         )
     _finish(dest, about, rows, options)
-    return plan.findings
+    return (*plan.findings, *left_behind(session, plan.layer, "the data set", about.streams))
 
 
 class _Writer(ExitStack):

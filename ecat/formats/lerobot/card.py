@@ -32,6 +32,7 @@ _DEPTH = (
     "- Depth has 12 bits (steps of 1.5 mm at 1 m); pixels without depth come out as the nearest, 10 mm.\n"
 )
 _WORDS = "- Sub-events were annotated by people; no text was generated.\n"
+_COLUMNS = "- The language columns need lerobot 0.6; for 0.4, export with `--option language=index`.\n"
 _SPLIT = "- Splits: the last {n} episodes are `test`, of {kind}s that `train` has not.\n"
 _CLOCKS = {
     "nearest": "numbers at a moment are those of the recorded frame nearest in time.",
@@ -65,5 +66,6 @@ def text(shape: Layout, writer: DatasetWriter, options: LeRobotOptions, n_test: 
         head
         + (_DEPTH if depth else "")
         + (_WORDS if shape.language != "none" else "")
+        + (_COLUMNS if shape.language == "columns" else "")
         + (_SPLIT.format(n=n_test, kind=options.split) if n_test else "")
     )

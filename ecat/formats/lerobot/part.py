@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from ecat.errors import InputError, UsageError
 from ecat.formats.episode_plan import Plan
-from ecat.formats.episodes import Episode
+from ecat.formats.episodes import Episode, left_behind
 from ecat.formats.lerobot import language, layout
 from ecat.formats.lerobot.dataset import DatasetWriter, Facts, Record, write_json
 from ecat.formats.lerobot.layout import Layout, View, video_key
 from ecat.formats.lerobot.options import LeRobotOptions
 from ecat.formats.lerobot.recorded import Camera
 from ecat.formats.lerobot.video import LONGEST_S
-from ecat.model import Layer, Stream
+from ecat.model import Stream
 from ecat.progress import Progress
 from ecat.stages.resample import filled
 from ecat.store import Session, files
@@ -75,7 +75,12 @@ def write_part(
         writer.finish({"train": f"0:{len(plan)}"})
     progress(label, len(plan), len(plan))
     write_json(dest / MADE, {"video": _choices(cameras), "worst_offset_s": _seconds(notes.off_ns)})
-    return (*plan.findings, *dropped, *_findings(notes, cameras), *_left_behind(session, plan.layer))
+    return (
+        *plan.findings,
+        *dropped,
+        *_findings(notes, cameras),
+        *left_behind(session, plan.layer, "LeRobot", plan.streams),
+    )
 
 
 def _streams(plan: Plan, options: LeRobotOptions, dropped: list[str]) -> Iterator[Stream]:
@@ -105,7 +110,7 @@ def _layout(episode: Episode, cameras: Mapping[str, Camera], options: LeRobotOpt
         raise InputError(
             f"cannot export {episode.session}",
             where=f"{episode.session}: there are neither poses nor joints nor videos",
-            fix=f"ecat process {episode.session} places boxes",
+            fix="ecat process places boxes where they were seen",
         )
     return Layout(
         fps=options.fps,
@@ -180,27 +185,12 @@ def _findings(notes: _Notes, cameras: Mapping[str, Camera]) -> Iterator[str]:
     for camera in cameras.values():
         if camera.kind == "color":
             for reason, n in sorted(camera.reasons.items()):
-                yield f"stream {camera.stream.name}: {n} episodes were encoded anew: {reason}"
+                episodes = "1 episode was" if n == 1 else f"{n} episodes were"
+                yield f"stream {camera.stream.name}: {episodes} encoded anew: {reason}"
     if notes.unheard:
         yield f"{notes.unheard} sub-events lie between two moments and are left out"
     if notes.long:
         yield f"{notes.long} episodes last longer than {LONGEST_S} s: lerobot may refuse their last images"
-
-
-def _left_behind(session: Session, layer: Layer) -> Iterator[str]:
-    """What people said or a machine recorded, and LeRobot has no place for."""
-    shapes = sum(len(thing.key_frames) + len(thing.key_frames_3d) for thing in layer.objects)
-    others = Counter(stream.kind for stream in session.manifest.streams if stream.present)
-    counts = {
-        "relations": len(layer.relations),
-        "links between events": sum(len(event.links) for event in layer.events),
-        "roles": sum(len(event.roles) for event in layer.events),
-        "shapes drawn by people": shapes,
-        "sound recordings": others["audio"],
-        "inertial sensors": others["imu"],
-    }
-    if left := [f"{n} {what}" for what, n in counts.items() if n]:
-        yield f"LeRobot has no place for: {', '.join(left)}"
 
 
 def require_options(options: LeRobotOptions) -> None:

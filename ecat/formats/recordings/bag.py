@@ -48,11 +48,12 @@ class Bag:
         except OSError as error:
             raise os_error(error, self.what, self.path) from error
         except Exception as error:  # a damaged bag makes the library fail in many ways
-            raise FormatError(
-                self.what,
-                where=f"{self.path.name}: {_reason(error)}",
-                fix="`rosbag reindex` (ROS 1) or `ros2 bag reindex` mends a bag whose recorder was stopped hard",
-            ) from error
+            fix = "`rosbag reindex` (ROS 1) or `ros2 bag reindex` mends a bag whose recorder was stopped hard"
+            where = _reason(error)
+            if "Profile is not ros2" in where:
+                where = "an MCAP file without ROS messages, as `ecat export --format mcap` and Foxglove write them"
+                fix = "ecat reads MCAP files that ROS 2 recorded; import what this one was made from"
+            raise FormatError(self.what, where=f"{self.path.name}: {where}", fix=fix) from error
 
     def messages(self, topics: Sequence[str], *, raw: bool = False) -> Iterator[tuple[str, int, Any]]:
         """Topic, recorder's time in ns, and message (``raw``: its bytes), in the order of the recorder's times.

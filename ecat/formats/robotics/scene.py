@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ecat.errors import NotFoundError
 from ecat.formats.robotics.tracks import numbers, stretches
-from ecat.geometry.boxes import match_codes
+from ecat.geometry.boxes import boxes_by_codes
 from ecat.geometry.cameras import Camera
 from ecat.geometry.records import camera_of
 from ecat.geometry.transforms import Floats, Rigid
@@ -100,12 +100,7 @@ def _box_sizes(session: Session) -> dict[str, Triple]:
                 for row in counted.to_pylist():
                     if row["code"] is not None:
                         seen[row["object_id"], row["code"]] += row["count_all"]
-    known = match_codes([code for _, code in seen], prototypes, mirrored=mirrored)
-    votes: dict[str, Counter[int]] = defaultdict(Counter)
-    for (key, code), n in seen.items():
-        if code in known:
-            votes[key][known[code][0]] += n
-    return {key: prototypes[vote.most_common(1)[0][0]].size_m for key, vote in votes.items()}
+    return {key: box.size_m for key, box in boxes_by_codes(seen, prototypes, mirrored=mirrored).items()}
 
 
 def slug(name: str) -> str:

@@ -327,6 +327,7 @@ def test_a_recording_that_breaks_off_is_one_typed_error(tmp_path: Path, encode: 
 def test_the_card_says_how_the_data_were_made(export: Export, clock: str, sentence: str) -> None:
     found = export(Recording(views=("color", "depth")), clock=clock)
     text = (found.root / "README.md").read_text()
+    assert "lerobot 0.6; for 0.4, export with `--option language=index`" in text
     assert text.startswith("---\ntask_categories:\n- robotics\n")
     assert "1 episodes of people handling objects, 30 moments at 30 Hz, 1 tasks" in text
     assert sentence in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -33,6 +34,8 @@ _USUAL_STEP_NS = 33_333_333
 _BACK = (12, 13, 16)
 _INK, _DARK = (245, 247, 250), (16, 18, 22)
 _EMPTY_PX = (1280, 720)
+_LARGEST = 6.0
+"""What is shown where nobody knows how large the images were, and how many times that, at most, for the shapes."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,8 @@ def make(
         images = opened.enter_context(open_images(session, stream.name)) if stream is not None else None
         reel, times = _reel(session, images, options, what, findings)
         camera, size = _seen_through(session, stream, images, what)
+        if camera is None and images is None:
+            findings.append(f"nobody knows how large the images were; {size[0]} x {size[1]} pixels are shown")
         stage = _Stage(_Source(session, stream, size, camera, reel, times), options, findings)
         made = dest.with_name(f"{dest.name}.mp4")
         writer = opened.enter_context(ColorWriter(made, stage.width, stage.height, qp=options.qp))
@@ -129,13 +134,26 @@ def _seen_through(
         if camera is not None:
             return camera, (camera.width, camera.height)
     if any(session.has_table(name) for name in ("events", "keyframes")):
-        return None, _EMPTY_PX
+        return None, _room_for_shapes(session)
     raise NotFoundError(
         what,
         where=f"{session.name}: there is no video, no camera and no annotation",
         consequence="this session was not written",
         fix=f"ecat info {session.path} tells what was recorded",
     )
+
+
+def _room_for_shapes(session: Session) -> tuple[int, int]:
+    """Width and height of an image in which all shapes are seen that were drawn in it."""
+    scale = 1.0
+    things = [thing for record in session.manifest.layers for thing in session.layer(record.name).objects]
+    for thing in things:
+        for key in thing.key_frames:
+            points = np.array(key.coordinates).reshape(-1, 2)
+            far = points.sum(0) if thing.kind == "rectangle" else points.max(0, initial=0)
+            scale = max(scale, far[0] / _EMPTY_PX[0], far[1] / _EMPTY_PX[1])
+    scale = min(scale, _LARGEST)
+    return math.ceil(_EMPTY_PX[0] * scale), math.ceil(_EMPTY_PX[1] * scale)
 
 
 def _pictures(images: StreamImages | None, reel: _Reel, size: tuple[int, int]) -> Iterator[Image]:
