@@ -88,6 +88,7 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=1000)
     parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--engines", default="processes,ray")
+    parser.add_argument("--process-all", action="store_true", help="not only a tenth; takes minutes")
     arguments = parser.parse_args()
     runs = {name: more for name, more in RUNS.items() if "ray" in arguments.engines or "ray" not in more}
     with tempfile.TemporaryDirectory() as scratch:
@@ -96,7 +97,7 @@ def main() -> None:
         make(tenth, max(arguments.sessions // 10, 1))
         print(f"{arguments.sessions} sessions; {len(os.sched_getaffinity(0))} processors")
         export(project, tenth, runs, arguments.repeats)
-        process(tenth, runs)
+        process(project if arguments.process_all else tenth, runs)
 
 
 def export(project: Path, tenth: Path, runs: dict[str, list[str]], repeats: int) -> None:

@@ -146,4 +146,4 @@ def export(
             where=f"{chosen.name} is written as a whole, from folder to folder",
             fix="copy the sessions to this machine, or choose another format",
         )
-    return chosen.write(path, dest, progress)
+    return chosen.write(path, dest, chosen_options, progress)

@@ -69,7 +69,7 @@ class LayerReader(Protocol):
 class Writer(Protocol):
     """Writes the session, project or workspace at ``path`` to ``dest``; leaves nothing there on an error."""
 
-    def __call__(self, path: Path, dest: Path, progress: Progress) -> ExportReport:
+    def __call__(self, path: Path, dest: Path, options: Any, progress: Progress) -> ExportReport:
         """Write."""
         ...
 

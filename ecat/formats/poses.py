@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from ecat.errors import NotFoundError
 from ecat.formats.format import ExportReport, Format
+from ecat.formats.options import NoOptions
 from ecat.geometry.transforms import euler_from_quaternion
 from ecat.progress import Progress
 from ecat.store import Session, find_sessions, open_session, staged_file
@@ -49,18 +50,20 @@ SCHEMA = TableSchema(
 _FRAMES_AT_ONCE = 1 << 16
 
 
-def write_smooth(path: Path, dest: Path, progress: Progress) -> ExportReport:
+def write_smooth(path: Path, dest: Path, options: NoOptions, progress: Progress) -> ExportReport:
     """Write the smoothed poses of every session at ``path``; errors as in :func:`write`."""
+    del options
     return _write(path, dest, progress, "poses_smooth", "poses-smooth")
 
 
-def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
+def write(path: Path, dest: Path, options: NoOptions, progress: Progress) -> ExportReport:
     """Write the poses of every session at ``path``, each solved from its frame alone.
 
     Raises
     ------
     NotFoundError : no session has poses yet.
     """
+    del options
     return _write(path, dest, progress, "poses", "poses")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ecat.formats.ecat2018.side_files import SIDE_FILES
-from ecat.formats.ecat2018.workspace import NAME, read, sniff, write
+from ecat.formats.ecat2018.workspace import NAME, Ecat2018Options, read, sniff, write
 from ecat.formats.format import Format
 
 FORMAT = Format(
@@ -12,5 +12,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
+    options=Ecat2018Options,
     side_files=SIDE_FILES,
 )

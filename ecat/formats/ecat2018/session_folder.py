@@ -23,6 +23,7 @@ from ecat.formats.ecat2018.files_param import SessionFile, read_files_param
 from ecat.formats.ecat2018.files_param_write import file_name, files_param
 from ecat.formats.ecat2018.mark_tables import mark_batches
 from ecat.formats.ecat2018.rig import RIG_SCHEMA, read_rig, write_rig
+from ecat.formats.episodes import chosen_layer
 from ecat.formats.format import ImportOptions
 from ecat.geometry.cameras import KINECT_V2_COLOR, KINECT_V2_DEPTH
 from ecat.geometry.nearest import nearest_in_time
@@ -300,13 +301,27 @@ def _on_frames(rows: pa.Table, object_id: str | None, said: SessionFile) -> pa.T
 # ---------------------------------------------------------------------------------------------- writing
 
 
-def write_session(session: Session, folder: Path, findings: list[str]) -> None:
-    """Write the session's files into ``folder``, an existing folder that is being made."""
+def write_session(session: Session, folder: Path, findings: list[str], *, layer: str = "") -> None:
+    """Write the session's files into ``folder``, an existing folder that is being made.
+
+    Parameters
+    ----------
+    layer : whose annotation; without one ``main``, else the first person's.
+
+    Raises
+    ------
+    NotFoundError : there is no such layer.
+    """
     manifest = session.manifest
     names = [record.name for record in manifest.layers]
     people = [name for name in names if name != MACHINE]
-    chosen = "main" if "main" in names else next(iter(people), "")
-    layer = session.layer(chosen) if chosen else Layer()
+    chosen = layer or ("main" if "main" in names else next(iter(people), ""))
+    _write_layer(session, chosen_layer(session, chosen) if chosen else Layer(), folder, findings)
+
+
+def _write_layer(session: Session, layer: Layer, folder: Path, findings: list[str]) -> None:
+    manifest, chosen = session.manifest, layer.name
+    names = [record.name for record in manifest.layers]
     extra = [name for name in names if name != chosen]
     findings += [f"{session.name}: ECAT has one layer; {name!r} was left out" for name in extra]
 
@@ -317,7 +332,8 @@ def write_session(session: Session, folder: Path, findings: list[str]) -> None:
     if manifest.foreign.get(f"{PREFIX}file") != "absent" or layer.objects or layer.events or layer.relations:
         pieces = Hashed(files_param(manifest, layer, read, found))
         write_new_file(folder / SESSION_FILE, pieces)
-        if _is_unchanged(manifest) and manifest.foreign.get(HASH_KEY, pieces.sha256) != pieces.sha256:
+        unchanged = chosen == "main" and _is_unchanged(manifest)
+        if unchanged and manifest.foreign.get(HASH_KEY, pieces.sha256) != pieces.sha256:
             found.append(
                 f"{SESSION_FILE} is not the imported file byte for byte: comments or layout were not kept"
             )

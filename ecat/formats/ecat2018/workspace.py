@@ -19,6 +19,7 @@ from ecat.formats.ecat2018.elements import PREFIX
 from ecat.formats.ecat2018.project_list import ProjectList, read_project_list, write_project_list
 from ecat.formats.ecat2018.session_folder import SESSION_FILE, draft_of, write_session
 from ecat.formats.format import ExportReport, ImportOptions, ImportReport
+from ecat.formats.options import option
 from ecat.model import ProjectManifest, Provenance
 from ecat.progress import Progress
 from ecat.store import (
@@ -37,6 +38,13 @@ NAME = "ecat-2018"
 MAX_DEPTH = 8
 _WORKERS = 2
 _MANY = 20  # failures named in one error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ecat2018Options:
+    """How to write."""
+
+    layer: str = option("", "whose annotation, as ECAT has one; nothing: main, else the first of a person")
 
 
 @dataclass
@@ -246,7 +254,7 @@ class _Import:
 # ---------------------------------------------------------------------------------------------- writing
 
 
-def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
+def write(path: Path, dest: Path, options: Ecat2018Options, progress: Progress) -> ExportReport:
     """Export a session, project or workspace; see :class:`ecat.formats.format.Writer`."""
     sessions = find_sessions(path)
     findings: list[str] = []
@@ -255,7 +263,7 @@ def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
             progress(folder.name, done, len(sessions))
             target = staging / folder.relative_to(path)
             target.mkdir(parents=True, exist_ok=True)
-            write_session(open_session(folder), target, findings)
+            write_session(open_session(folder), target, findings, layer=options.layer)
         progress(path.name, len(sessions), len(sessions))
         inside = set(sessions)
         for manifest in sorted(path.rglob(PROJECT_FILE)):

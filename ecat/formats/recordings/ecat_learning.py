@@ -16,6 +16,7 @@ from ecat.errors import FormatError, InputError
 from ecat.formats.ecat2018.learning_export import ExportedSession, read_learning_export, write_learning_export
 from ecat.formats.ecat2018.side_files import is_learning_export
 from ecat.formats.format import ExportReport, Format, ImportOptions, ImportReport
+from ecat.formats.options import NoOptions
 from ecat.formats.recordings.learning_sessions import NAME, draft_of, exported, kept
 from ecat.formats.recordings.several import folder_name
 from ecat.model import ProjectManifest, Provenance
@@ -155,13 +156,14 @@ def _write_manifest(folder: Path, kind: Literal["project", "workspace"], dest: P
 # ---------------------------------------------------------------------------------------------- writing
 
 
-def write(path: Path, dest: Path, progress: Progress) -> ExportReport:
+def write(path: Path, dest: Path, options: NoOptions, progress: Progress) -> ExportReport:
     """Write a session or a project as one file, a workspace as a folder with a file for each project.
 
     Raises
     ------
     StoreError : ``path`` is no session, or ``dest`` is taken or cannot be written; nothing is left there.
     """
+    del options
     sessions = find_sessions(path)
     findings: list[str] = []
     if all(path in (folder, folder.parent) for folder in sessions):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ecat.errors import EcatError, ExistsError, FormatError
+from ecat.errors import EcatError, ExistsError, FormatError, NotFoundError
 from ecat.formats import export, import_source
 from ecat.formats.ecat2018.workspace import sniff, tree_of
 from ecat.store import find_sessions, open_project, open_session
@@ -245,3 +246,23 @@ def test_the_folder_one_stands_in_has_a_name_too(tmp_path: Path, monkeypatch: py
     monkeypatch.chdir(tmp_path / "project" / "s")
     import_source(Path(), tmp_path / "made")
     assert open_session(tmp_path / "made").name == "s"
+
+
+def test_whose_annotation_is_written_can_be_chosen(tmp_path: Path) -> None:
+    import_source(workspace(tmp_path / "w", "p/S1"), tmp_path / "in")
+    (path,) = find_sessions(tmp_path / "in")
+    session = open_session(path)
+    ours = session.layer("main")
+    (said, *_) = ours.events
+    with session.write() as commit:
+        commit.put_layer(replace(ours, name="ann", events=(replace(said, text="Ann says so"),)))
+    report = export(tmp_path / "in", tmp_path / "out", format="ecat-2018", options={"layer": "ann"})
+    assert [finding for finding in report.findings if "left out" in finding] == [
+        "S1: ECAT has one layer; 'main' was left out"
+    ]
+    assert b"Ann says so" in (tmp_path / "out" / "p" / "S1" / "files.param").read_bytes()
+    export(tmp_path / "in", tmp_path / "usual", format="ecat-2018")
+    assert b"Ann says so" not in (tmp_path / "usual" / "p" / "S1" / "files.param").read_bytes()
+    with pytest.raises(NotFoundError, match="there is no layer bob; its layers are: "):
+        export(tmp_path / "in", tmp_path / "none", format="ecat-2018", options={"layer": "bob"})
+    assert not (tmp_path / "none").exists()
