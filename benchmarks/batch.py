@@ -2,9 +2,9 @@
 
 ``python benchmarks/batch.py [--sessions 1000] [--engines processes,ray]``: small generated sessions are exported
 (``--format parquet``), and a tenth of them processed, by one process, by two, and as Ray tasks on this machine; the
-results are compared byte by byte.  Each run is a program of its own; its greatest memory is that of the program that joins, which
-must not grow with the number of sessions (a tenth of them is exported for comparison).  Times are on the clock and mean
-little on a machine that does something else as well; the runs take turns, and the best of each counts.
+results are compared byte by byte.  Each run is a program of its own; its greatest memory is that of the program that
+joins, which must not grow with the number of sessions (a tenth of them is exported for comparison).  Times are on the
+clock and mean little on a machine that does something else as well; the runs take turns, and the best of each counts.
 """
 
 from __future__ import annotations

@@ -5,6 +5,9 @@
     windows.parquet      stretches of moments of equal length, each with the label of its episode
     tables/<name>.parquet the tables of all sessions as they are, with the session's name in front
 
+Parts, which are private, hold the same as Arrow files: most sessions are small, and a small Parquet file takes ten
+times as long to write and to read.
+
 What it cannot carry: images, which stay in the sessions (``torch``, ``webdataset`` and ``lerobot`` have them).
 """
 
@@ -35,6 +38,7 @@ MOMENTS, WINDOWS = "moments.parquet", "windows.parquet"
 _ABOUT = "about.json"
 _SESSION = pa.field("session", pa.string(), metadata={"meaning": "the session's folder"})
 _FRAMES_AT_ONCE = 1 << 15
+_ROWS_OF_GROUP = 1 << 16
 _MOMENT = [
     _SESSION,
     pa.field("episode", pa.int64(), metadata={"meaning": "position of the episode in its session"}),
@@ -75,7 +79,7 @@ def write_part(
     files.make_folders(dest / "tables")
     if options.tables:
         for name in session.tables:
-            _write_table(session, name, label, dest / "tables" / f"{name}.parquet")
+            _write_table(session, name, label, _part(dest / "tables" / name))
     try:
         plan = Plan(session, label, options)
     except InputError as error:
@@ -97,11 +101,19 @@ def _unseen(session: Session) -> Iterator[str]:
 
 def _write_table(session: Session, name: str, label: str, path: Path) -> None:
     schema = plain_schema(name)
-    with pq.ParquetWriter(path, schema, compression="zstd") as out:
+    with _part_writer(path, schema) as out:
         for rows in _rows(session, name):
             columns: list[Any] = [pa.array([label] * rows.num_rows, pa.string())]
             columns += [_plain(rows[field.name], field.type) for field in list(schema)[1:]]
             out.write_table(pa.table(columns, schema=schema))
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(f"{path.name.removesuffix('.parquet')}.arrow")
+
+
+def _part_writer(path: Path, schema: pa.Schema) -> Any:
+    return pa.ipc.new_file(str(path), schema, options=pa.ipc.IpcWriteOptions(compression="lz4"))
 
 
 def _rows(session: Session, name: str) -> Iterator[pa.Table]:
@@ -144,15 +156,15 @@ def _plain(column: Any, kind: pa.DataType) -> Any:
 
 def _write_moments(plan: Plan, dest: Path, label: str, options: TidyOptions, progress: Progress) -> list[str]:
     columns: list[str] = []
-    moments: pq.ParquetWriter | None = None
-    with pq.ParquetWriter(dest / WINDOWS, _WINDOW, compression="zstd") as windows:
+    moments: Any = None
+    with _part_writer(_part(dest / WINDOWS), _WINDOW) as windows:
         try:
             for number, episode in enumerate(plan.episodes()):
                 progress(label, number, len(plan))
                 table = _moments(episode)
                 if moments is None:
                     columns = table.schema.names[len(_MOMENT) :]
-                    moments = pq.ParquetWriter(dest / MOMENTS, table.schema, compression="zstd")
+                    moments = _part_writer(_part(dest / MOMENTS), table.schema)
                 moments.write_table(table)
                 windows.write_table(_windows(episode, options))
         finally:
@@ -205,7 +217,7 @@ def _windows(episode: Episode, options: TidyOptions) -> pa.Table:
 
 
 def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Progress) -> tuple[str, ...]:
-    """Join the files of all sessions, a row group at a time; moments by the names of their columns."""
+    """Join the files of all sessions, a row group of many at a time; moments by the names of their columns."""
     files.make_folders(dest / "tables")
     columns: list[str] = []
     for part in parts:
@@ -218,7 +230,7 @@ def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Pro
     rows: dict[str, int] = {}
     for done, (name, schema) in enumerate(schemas.items()):
         progress("joining", done, len(schemas))
-        found = [part.path / name for part in parts if (part.path / name).exists()]
+        found = [path for part in parts if (path := _part(part.path / name)).exists()]
         if found:
             rows[name] = _join(found, dest / name, schema)
     text = card(rows, len(parts), clock_method(options), asdict(options))
@@ -228,20 +240,29 @@ def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Pro
 
 def _join(sources: Sequence[Path], dest: Path, schema: pa.Schema) -> int:
     n_rows = 0
+    gathered: list[pa.Table] = []
     with pq.ParquetWriter(dest, schema, compression="zstd") as out:
-        for source in sources:
-            with pq.ParquetFile(source) as file:
-                for group in range(file.num_row_groups):
-                    rows = file.read_row_group(group)
-                    columns = [
-                        rows[field.name]
-                        if field.name in rows.schema.names
-                        else pa.nulls(rows.num_rows, field.type)
-                        for field in schema
-                    ]
-                    out.write_table(pa.table(columns, schema=schema))
-                    n_rows += rows.num_rows
+        for rows in _batches(sources):
+            columns = [
+                rows[field.name] if field.name in rows.schema.names else pa.nulls(rows.num_rows, field.type)
+                for field in schema
+            ]
+            gathered.append(pa.table(columns, schema=schema))
+            n_rows += rows.num_rows
+            if sum(table.num_rows for table in gathered) >= _ROWS_OF_GROUP:
+                out.write_table(pa.concat_tables(gathered))
+                gathered.clear()
+        if gathered:
+            out.write_table(pa.concat_tables(gathered))
     return n_rows
+
+
+def _batches(sources: Sequence[Path]) -> Iterator[pa.RecordBatch]:
+    for source in sources:
+        # not mapped: what was read is kept after the file is closed
+        with pa.OSFile(str(source), "rb") as opened, pa.ipc.open_file(opened) as file:
+            for i in range(file.num_record_batches):
+                yield file.get_batch(i)
 
 
 FORMAT = Format(
@@ -250,4 +271,5 @@ FORMAT = Format(
     part=write_part,
     merge=merge,
     options=TidyOptions,
+    version="2",
 )
