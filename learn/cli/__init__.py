@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ecat.cli.verb import Group
 from learn.cli.qsr import qsr
+from learn.cli.recognize import recognize
 
 learn = Group(
     "learn",
@@ -11,3 +12,4 @@ learn = Group(
     """Learn from sessions, and compute what learners are fed.""",
     examples=("ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",),
 )
+learn.add_command(recognize)

@@ -268,4 +268,4 @@ class TestTheCommandLine:
 
     def test_the_layer_to_write_may_be_named(self, made: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["export", "my_session", "a.csv", "--format", "csv", "--option", "layer=nobody"]) == 1
-        assert "the layers are: main" in capsys.readouterr().err
+        assert "its layers are: main" in capsys.readouterr().err

@@ -1,0 +1,228 @@
+"""How good a recogniser is: on sessions it has not seen, label by label, beside what knows less."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ecat.errors import InputError, MissingExtraError
+from ecat.progress import Progress, silent
+from ecat.store import staged_file
+from learn.features.windows import Floats
+from learn.recognize.baselines import BASELINES
+from learn.recognize.dataset import SLOTS, LabelledSession, Labels, words
+from learn.recognize.folds import N_FOLDS, Kind, folds_of
+from learn.recognize.model import Recognized, Settings, train
+
+PREDICTIONS = "predictions.parquet"
+WAYS = ("windows", "context")
+"""A window alone, and with its session."""
+SUSPICIOUS = frozenset(("pullpast", f"pullpast{number}") for number in range(21, 31))
+"""Sessions in which the box that is said to be pulled rests, and the one that it is said to pass moves."""
+_PNG = b"\x89PNG"
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Of windows of sessions, one after the other: what is true (w, 5), what was said, and how sure that is (w,)."""
+
+    sessions: Sequence[LabelledSession]
+    labels: dict[str, Labels]
+    probabilities: dict[str, Floats]
+
+    @property
+    def true(self) -> Labels:
+        """The labels of the sessions."""
+        return np.concatenate([session.labels for session in self.sessions])
+
+
+def predicted(sessions: Sequence[LabelledSession], recognized: Recognized) -> Predicted:
+    """What was recognised in sessions, beside what is true."""
+    found = dict(zip(WAYS, (recognized.alone, recognized.context), strict=True))
+    return Predicted(
+        sessions,
+        {way: recognized.labels(values) for way, values in found.items()},
+        {way: values.max(axis=1) for way, values in found.items()},
+    )
+
+
+def score(true: Labels, said: Labels) -> dict[str, Any]:
+    """Shares of windows whose whole label (``tuple``) is right, and each slot of it."""
+    right = true == said
+    slots = dict(zip(SLOTS, right.mean(axis=0).tolist(), strict=True))
+    return {"tuple": float(right.all(axis=1).mean()), "slots": slots}
+
+
+def scores(found: Predicted) -> dict[str, Any]:
+    """Scores of windows alone and with context, as labelled and without the suspicious sessions, with counts."""
+    trusted = np.concatenate(
+        [np.full(len(session.labels), session.key not in SUSPICIOUS) for session in found.sessions]
+    )
+    result: dict[str, Any] = {"sessions_count": len(found.sessions), "windows_count": len(found.true)}
+    for way in WAYS:
+        result[way] = score(found.true, found.labels[way])
+    if trusted.any() and not trusted.all():
+        result["without_suspicious"] = {
+            way: score(found.true[trusted], found.labels[way][trusted]) for way in WAYS
+        }
+    return result
+
+
+def write_predictions(found: Predicted, dest: Path) -> None:
+    """One row per window: ``file, session, window``, of each slot ``true_*``, ``windows_*`` and ``context_*`` (null
+    where it is empty), and the probabilities of the two labels that were said.
+    """
+    counts = [len(session.labels) for session in found.sessions]
+    columns: dict[str, Any] = {
+        "file": np.repeat([session.file for session in found.sessions], counts),
+        "session": np.repeat([session.name for session in found.sessions], counts),
+        "window": np.concatenate([np.arange(count, dtype=np.int32) for count in counts]),
+    }
+    for way, labels in (("true", found.true), *found.labels.items()):
+        said = [words(label) for label in labels.tolist()]
+        columns |= {
+            f"{way}_{slot}": pa.array([label[place] for label in said], pa.string())
+            for place, slot in enumerate(SLOTS)
+        }
+    columns |= {f"{way}_probability": found.probabilities[way] for way in WAYS}
+    with staged_file(dest, replaces=b"PAR1") as staging:
+        pq.write_table(pa.table(columns), staging)
+
+
+def cross_validate(
+    sessions: Sequence[LabelledSession],
+    kind: Kind,
+    *,
+    seeds: Sequence[int] = (0,),
+    settings: Settings | None = None,
+    progress: Progress = silent,
+) -> tuple[dict[str, Any], Predicted]:
+    """Scores of every fifth of the sessions by recognisers that saw the other four, and what the first seed said.
+
+    Nothing is fitted to a session that is tested: neither the table, nor trees, nor what labels there are.
+
+    Returns
+    -------
+    scores : ``mean`` and ``spread`` over the seeds (standard deviation), ``runs`` of each, and of the baselines.
+
+    Raises
+    ------
+    InputError : a fold has no sessions.
+    """
+    folds = folds_of([session.key for session in sessions], kind)
+    if len(np.unique(folds)) < N_FOLDS:
+        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
+        raise InputError("cannot cross-validate", where=there, fix="give more sessions")
+    settings = settings or Settings()
+    runs = [
+        _in_order(_folded(sessions, folds, replace(settings, seed=seed), progress), sessions)
+        for seed in seeds
+    ]
+    scored = [scores(run) for run in runs]
+    spread = 1 if len(scored) > 1 else 0
+    tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
+    result = {
+        "folds": kind,
+        "mean": {way: float(values.mean()) for way, values in tuples.items()},
+        "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
+        "baselines": _baselines(sessions, folds, progress),
+        "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
+    }
+    return result, runs[0]
+
+
+def draw_confusions(found: Predicted, way: str, dest: Path) -> None:
+    """A picture of what was said for what, a matrix for each slot; rows are true and add up to 1.
+
+    Raises
+    ------
+    MissingExtraError : Matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError(
+            "cannot draw confusions", where="Matplotlib is not installed", fix="pip install 'ecat[plots]'"
+        ) from None
+    figure = Figure(figsize=(17, 4), layout="constrained")
+    figure.suptitle(f"{way}: rows are true, columns were said")
+    for place, (axes, (slot, names)) in enumerate(zip(figure.subplots(1, 5), SLOTS.items(), strict=True)):
+        counts = confusion(found.true[:, place], found.labels[way][:, place], len(names))
+        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
+        axes.set_title(slot)
+        axes.set_xticks(range(len(names)), [name or "none" for name in names], rotation=45)
+        axes.set_yticks(range(len(names)), [name or "none" for name in names])
+        for (row, column), count in np.ndenumerate(counts):
+            shade = "white" if shares[row, column] > 0.5 else "black"
+            axes.text(column, row, str(count), ha="center", va="center", color=shade, fontsize=8)
+    with staged_file(dest, replaces=_PNG) as staging:
+        figure.savefig(staging, format="png", dpi=110)
+
+
+def confusion(true: NDArray[np.int8], said: NDArray[np.int8], n: int) -> NDArray[np.int64]:
+    """Counts (n, n) of what was said (columns) for what is true (rows)."""
+    return np.bincount(true.astype(np.int64) * n + said, minlength=n * n).reshape(n, n)
+
+
+def _folded(
+    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], settings: Settings, progress: Progress
+) -> list[Predicted]:
+    found: list[Predicted] = []
+    for fold in range(N_FOLDS):
+        known, tested = _parted(sessions, folds, fold)
+        recognizer = train(known, settings, _named(progress, f"seed {settings.seed}, fold {fold + 1}: "))
+        found.append(predicted(tested, recognizer.recognize([session.points for session in tested])))
+    return found
+
+
+def _parted(
+    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], fold: int
+) -> tuple[list[LabelledSession], list[LabelledSession]]:
+    pairs = list(zip(sessions, folds.tolist(), strict=True))
+    return [one for one, of in pairs if of != fold], [one for one, of in pairs if of == fold]
+
+
+def _in_order(parts: Sequence[Predicted], sessions: Sequence[LabelledSession]) -> Predicted:
+    """The parts as one, with the sessions in the order in which they were given."""
+    tested = [session for part in parts for session in part.sessions]
+    starts = dict(
+        zip(
+            (session.key for session in tested),
+            np.cumsum([0, *(len(session.labels) for session in tested)]).tolist(),
+            strict=False,
+        )
+    )
+    order = np.concatenate(
+        [starts[session.key] + np.arange(len(session.labels)) for session in sessions]
+    ).astype(np.int64)
+    return Predicted(
+        sessions,
+        {way: np.concatenate([part.labels[way] for part in parts])[order] for way in WAYS},
+        {way: np.concatenate([part.probabilities[way] for part in parts])[order] for way in WAYS},
+    )
+
+
+def _baselines(
+    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], progress: Progress
+) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for done, (name, baseline) in enumerate(BASELINES.items()):
+        progress("baselines", done, len(BASELINES))
+        parts = [_parted(sessions, folds, fold) for fold in range(N_FOLDS)]
+        said = np.concatenate([baseline(known, tested) for known, tested in parts])
+        true = np.concatenate([session.labels for _, tested in parts for session in tested])
+        found[name] = score(true, said)
+    progress("baselines", len(BASELINES), len(BASELINES))
+    return found
+
+
+def _named(progress: Progress, prefix: str) -> Progress:
+    return lambda what, done, total: progress(prefix + what, done, total)

@@ -1,0 +1,96 @@
+"""What windows of one session say together: first nothing, then an action, then the same related to a place.
+
+A session shows one action.  Its labels are [nothing] [the verb without a locative] [the verb with one], each part may
+be missing, and none comes back.  So a session is an action and two boundaries, and what a window shows is the
+sum over all of them: a hidden Markov model that goes from left to right, solved exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.features.windows import Floats
+from learn.recognize.dataset import Labels
+
+LEAST = 1e-3
+"""Probability that is given to a label that a window's model rules out."""
+WEIGHT = 0.5
+"""Of a window's evidence: windows overlap by three quarters, and their errors go together."""
+_LOCATIVE, _VERB, _PREPOSITION = 2, 3, 4
+
+
+@dataclass(frozen=True)
+class Habits:
+    """Of sessions, the share that begins with nothing, and that which ends before the action has a locative."""
+
+    begins_with_nothing: float = 0.05
+    never_arrives: float = 0.05
+
+    @classmethod
+    def of(cls, sessions: Sequence[Labels]) -> Habits:
+        """Those of labelled sessions (n, 5), each; one more of either kind is counted than there are."""
+        seen = [labels for labels in sessions if len(labels)]
+        nothing = sum(labels[0, _VERB] == 0 for labels in seen)
+        short = sum(labels[-1, _PREPOSITION] == 0 for labels in seen)
+        return cls((int(nothing) + 1) / (len(seen) + 2), (int(short) + 1) / (len(seen) + 2))
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """Actions of a vocabulary of labels: for each, where its three parts are in the vocabulary.
+
+    Attributes
+    ----------
+    parts : (actions, 3) nothing, without locative, with locative; -1 where the vocabulary lacks it.
+    habits : of the sessions that it was made for.
+    """
+
+    parts: NDArray[np.int64]
+    habits: Habits
+
+    @classmethod
+    def of(cls, vocabulary: Labels, habits: Habits) -> Grammar:
+        """The actions that labels (k, 5) of a vocabulary make up."""
+        place = {tuple(label): number for number, label in enumerate(vocabulary.tolist())}
+        bare = vocabulary.copy()
+        bare[:, [_LOCATIVE, _PREPOSITION]] = 0
+        arrived = vocabulary[:, _PREPOSITION] > 0
+        without = [place.get(tuple(label), -1) for label in bare.tolist()]
+        nothing = place.get((0,) * 5, -1)
+        related = {without[number] for number in np.flatnonzero(arrived)}
+        rows = [(nothing, without[number], number) for number in np.flatnonzero(arrived).tolist()]
+        rows += [
+            (nothing, number, -1)
+            for number in np.flatnonzero(~arrived & (vocabulary[:, _VERB] > 0)).tolist()
+            if number not in related
+        ]
+        rows = rows or [(nothing, -1, -1)]
+        return cls(np.array(rows, np.int64), habits)
+
+    def smooth(self, probabilities: Floats) -> Floats:
+        """Of a session's windows (n, k), probabilities of labels (n, k) given all of them."""
+        evidence = WEIGHT * np.log(np.maximum(probabilities, LEAST))
+        emitted = np.where(self.parts >= 0, evidence[:, self.parts], -np.inf)
+        emitted = np.moveaxis(emitted, 2, 1)  # (n, part, action)
+        nothing, short = np.log(self.habits.begins_with_nothing), np.log(self.habits.never_arrives)
+        start = np.array([nothing, 0.0, 0.0])[:, None]
+        end = np.array([short, short, 0.0])[:, None]
+        before, after = np.empty_like(emitted), np.empty_like(emitted)
+        before[0] = emitted[0] + start
+        for window in range(1, len(emitted)):
+            before[window] = emitted[window] + np.logaddexp.accumulate(before[window - 1], axis=0)
+        after[-1] = end
+        for window in range(len(emitted) - 2, -1, -1):
+            following = (after[window + 1] + emitted[window + 1])[::-1]
+            after[window] = np.logaddexp.accumulate(following, axis=0)[::-1]
+        joint = before + after
+        weights = np.exp(joint - joint.max(axis=(1, 2), keepdims=True))
+        found = np.zeros_like(probabilities)
+        known = self.parts.T >= 0
+        for place, weight in zip(self.parts.T[known], weights[:, known].T, strict=True):
+            found[:, place] += weight
+        return found / found.sum(axis=1, keepdims=True)

@@ -1,0 +1,116 @@
+"""``ecat learn recognize``: exports in, a model and figures out, or one error."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from learn.recognize.dataset import SLOTS
+from tests.learn.recognize import made
+
+if TYPE_CHECKING:
+    from conftest import Ecat
+
+FEW = ("--trees", 4)
+
+
+@pytest.fixture
+def run(tmp_path: Path, ecat: Ecat) -> Path:
+    source, dest = made.exports(tmp_path / "exports"), tmp_path / "run"
+    assert ecat("learn", "recognize", "train", source, "--run", dest, *FEW, "--json").code == 0
+    return dest
+
+
+def test_what_was_learned_is_recognised_in_sessions_of_the_same_kind(
+    run: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    result = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", run, "--json")
+    assert result.code == 0, result.err
+    found = result.json
+    assert (found["sessions_count"], found["windows_count"]) == (10, 60)
+    assert found["windows"]["tuple"] > 0.9
+    assert found["context"]["tuple"] > 0.9
+    assert set(found["windows"]["slots"]) == set(SLOTS)
+
+
+def test_predictions_have_a_row_for_each_window(run: Path, tmp_path: Path, ecat: Ecat) -> None:
+    found = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", run, "--json").json
+    table = pq.read_table(run / "predictions.parquet")
+    rows = table.to_pylist()
+    assert len(rows) == 60
+    assert [rows[7][key] for key in ("file", "session", "window")] == ["pullpast", "pullpast2", 1]
+    right = np.all(
+        [[row[f"true_{slot}"] == row[f"context_{slot}"] for slot in SLOTS] for row in rows], axis=1
+    )
+    assert right.mean() == pytest.approx(found["context"]["tuple"])
+    assert all(0 < row["windows_probability"] <= 1 for row in rows)
+
+
+def test_the_same_seed_trains_the_same_model(run: Path, tmp_path: Path, ecat: Ecat) -> None:
+    again = tmp_path / "again"
+    ecat("learn", "recognize", "train", tmp_path / "exports", "--run", again, *FEW)
+    with np.load(run / "model.npz") as one, np.load(again / "model.npz") as two:
+        assert set(one) == set(two)
+        assert all((one[name] == two[name]).all() for name in one)
+
+
+def test_a_model_of_other_features_is_refused_by_name(run: Path, tmp_path: Path, ecat: Ecat) -> None:
+    config = json.loads((run / "config.json").read_text("utf-8"))
+    (run / "config.json").write_text(json.dumps(config | {"features": "windows-0"}), "utf-8")
+    result = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", run)
+    assert result.code == 1
+    assert "windows-0" in result.err
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 not a model", b"\x80\x04K\x01."])
+def test_a_damaged_model_is_one_error(damage: bytes, run: Path, tmp_path: Path, ecat: Ecat) -> None:
+    (run / "model.npz").write_bytes(damage)
+    result = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", run, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "CorruptError")
+
+
+def test_a_run_is_not_overwritten_and_one_that_is_not_there_is_missed(
+    run: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    twice = ecat("learn", "recognize", "train", tmp_path / "exports", "--run", run, "--json")
+    assert (twice.code, twice.json["error"]["error"]) == (1, "ExistsError")
+    none = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", tmp_path / "no", "--json")
+    assert (none.code, none.json["error"]["error"]) == (1, "NotFoundError")
+
+
+def test_cross_validation_gives_a_table_pictures_and_predictions(tmp_path: Path, ecat: Ecat) -> None:
+    source, run = made.exports(tmp_path / "exports", 10), tmp_path / "folds"
+    result = ecat(
+        "learn", "recognize", "crossval", source, "--run", run, "--seeds", 2, "--trees", 2, "--json"
+    )
+    assert result.code == 0, result.err
+    assert set(result.json["baselines"]) == {"majority", "marginals", "logistic"}
+    assert set(result.json["runs"]) == {"0", "1"}
+    assert (run / "confusion_context.png").read_bytes().startswith(b"\x89PNG")
+    assert pq.read_table(run / "predictions.parquet")["session"].to_pylist()[::6][:3] == [
+        "pullpast1",
+        "pullpast2",
+        "pullpast3",
+    ]
+
+
+@pytest.mark.slow
+def test_real_sessions_are_recognised(shared: Path, tmp_path: Path, ecat: Ecat) -> None:
+    """Trained on half of three files, a few trees tell most windows of the other half."""
+    from learn.recognize.dataset import read_exports
+    from learn.recognize.evaluation import predicted, scores
+    from learn.recognize.model import Settings, train
+
+    for name in ("pushto", "rollpast", "selfslidefrom"):
+        (tmp_path / f"{name}.txt").symlink_to((shared / "actions_ch4" / "xml" / f"{name}.txt").resolve())
+    sessions = read_exports(tmp_path)
+    recognizer = train(sessions[::2], Settings(n_trees=15))
+    found = predicted(sessions[1::2], recognizer.recognize([session.points for session in sessions[1::2]]))
+    figures = scores(found)
+    assert figures["windows"]["tuple"] > 0.8
+    assert figures["context"]["tuple"] > figures["windows"]["tuple"] - 0.02
