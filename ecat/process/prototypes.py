@@ -203,6 +203,8 @@ def calibrate_together(
     The more sessions show a box, the better it is known; and what an interrupted run left undone gets the boxes that
     it would have got.  Sessions whose boxes cannot be calibrated are left out.
     """
+    from ecat.stages.calibrate import ENOUGH, sufficient
+
     by_camera: dict[str, list[Session]] = {}
     for path in paths:
         # what is wrong with a session is said where that session is processed
@@ -216,14 +218,23 @@ def calibrate_together(
         if not bare:
             continue
         recordings: list[Recording] = []
-        for done, session in enumerate(group):
-            progress("reading marks", done, len(group))
+        # chosen before they are read, since the table is looked for in the depth of each
+        chosen = sufficient(group, _codes, ENOUGH)
+        for done, session in enumerate(chosen):
+            progress("reading marks", done, len(chosen))
             with contextlib.suppress(EcatError):
                 recordings += recordings_of(session)
-        progress("calibrating the boxes", len(group), len(group))
+        progress("calibrating the boxes", len(chosen), len(chosen))
         with contextlib.suppress(InputError):
             found |= dict.fromkeys(bare, boxes_in(recordings, group[0]))
     return found
+
+
+def _codes(session: Session) -> pa.Table:
+    """The codes of its marks; none where they cannot be read, which is said where the session is processed."""
+    with contextlib.suppress(EcatError):
+        return session.table("markers_2d", columns=["code"]).to_arrow()
+    return pa.table({"code": pa.array([], pa.string())})
 
 
 def _eye(session: Session) -> str:

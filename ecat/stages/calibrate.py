@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -28,6 +28,11 @@ from ecat.model.prototype import FACES, NOMINAL_BOXES, BoxPrototype, Triple, nom
 from ecat.stages.plane import standing_points
 from ecat.stages.pose import table_frames
 from ecat.stages.sightings import BoxSightings, Faces, box_sightings, read_faces
+
+_T = TypeVar("_T")
+
+ENOUGH = 64
+"""More recordings that show a box tell nothing new about it."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ class CalibrationParameters:
     min_sightings: int = 30
     off: float = 4.0
     min_rested: int = 5
-    most: int = 64
+    most: int = ENOUGH
 
 
 @dataclass(frozen=True)
@@ -109,11 +114,15 @@ _FEWEST = 5
 _GOLDEN = 0.6180339887498949
 
 
-def sufficient(recordings: Sequence[Recording], most: int) -> list[Recording]:
+def sufficient(recordings: Sequence[_T], marks: Callable[[_T], pa.Table], most: int) -> list[_T]:
     """As many of the recordings, in their order, as show every code ``most`` times, or all that show it.
 
     What boxes are like is told by 64 recordings as well as by 1,000, but the time to solve for the tables of all grows
     with the cube of their number.  They are chosen all over the sequence, as neighbours are alike, and always the same.
+
+    Parameters
+    ----------
+    marks : the marks of a recording, a table with the column ``code``; asked for only where there are too many.
     """
     if len(recordings) <= most:
         return list(recordings)
@@ -121,7 +130,7 @@ def sufficient(recordings: Sequence[Recording], most: int) -> list[Recording]:
     chosen: list[int] = []
     # multiples of the golden ratio fill an interval evenly, however many there are
     for i in sorted(range(len(recordings)), key=lambda i: (i * _GOLDEN) % 1.0):
-        column: Any = recordings[i].markers_2d["code"]
+        column: Any = marks(recordings[i])["code"]
         counts = column.value_counts().to_pylist()
         codes = [row["values"] for row in counts if row["values"] is not None and row["counts"] >= _FEWEST]
         if any(shown[code] < most for code in codes):
@@ -140,7 +149,7 @@ def calibrate_boxes(
     InputError : no box shows two faces at once often enough to tell its geometry, while it rests.
     """
     parameters = parameters or CalibrationParameters()
-    recordings = sufficient(recordings, parameters.most)
+    recordings = sufficient(recordings, lambda recording: recording.markers_2d, parameters.most)
     faces = [read_faces(r.markers_2d, r.markers_3d, parameters.camera) for r in recordings]
     drawn = [_drawn_table(r.polygon) for r in recordings]
     unplaced = _boxes(faces, parameters)

@@ -23,7 +23,8 @@ from ecat.process import (
 )
 from ecat.process.prototypes import MAX_BOXES, MAX_BYTES, recordings_of
 from ecat.sample import sample_session
-from ecat.store import Draft, create_session, open_session
+from ecat.stages.calibrate import Recording
+from ecat.store import Draft, Session, create_session, open_session
 from tests.process.films import filmed, find
 
 
@@ -128,6 +129,28 @@ def test_sessions_that_have_boxes_are_not_read_again(tmp_path: Path, monkeypatch
     create_session(tmp_path / "a", replace(draft, manifest=replace(draft.manifest, prototypes=boxes)))
     monkeypatch.setattr("ecat.process.prototypes.recordings_of", None)
     assert calibrate_together([tmp_path / "a"]) == {}
+
+
+def test_of_many_sessions_only_those_that_are_used_are_read_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where there is depth, the table is looked for in all of it."""
+    for name in "abcd":
+        create_session(tmp_path / name, sample_session(seed=1, actions=("next",), name=name)[0])
+    (tmp_path / "b" / "tables" / "markers_2d.parquet").write_bytes(b"PAR1")
+    read: list[str] = []
+
+    def noted(session: Session) -> list[Recording]:
+        read.append(session.name)
+        return recordings_of(session)
+
+    monkeypatch.setattr("ecat.stages.calibrate.ENOUGH", 2)
+    monkeypatch.setattr("ecat.process.prototypes.recordings_of", noted)
+    found = calibrate_together([tmp_path / name for name in "abcd"])
+    assert len(read) == 2
+    assert "b" not in read
+    assert {path.name for path in found} == set("abcd")
+    assert len(set(found.values())) == 1
 
 
 def test_a_damaged_session_does_not_keep_the_others_from_being_calibrated(tmp_path: Path) -> None:

@@ -85,22 +85,26 @@ def test_a_recording_that_shows_no_box_is_no_hindrance(generated: Generated) -> 
     assert found.prototypes == alone.prototypes
 
 
+def marks_of(recording: Recording) -> pa.Table:
+    return recording.markers_2d
+
+
 def test_of_many_recordings_enough_are_used_of_every_box(generated: Generated) -> None:
     one = generated(60).recording
     other = shown_as(generated(60), "o3", ANOTHER).recording
     many = [one] * 50
     many[7], many[31] = other, other
-    assert sufficient(many, 100) == many
-    few = sufficient(many, 4)
+    assert sufficient(many, marks_of, 100) == many
+    few = sufficient(many, marks_of, 4)
     assert sum(r is one for r in few) == 4
     assert sum(r is other for r in few) == 2
-    assert sufficient(many, 4) == few
+    assert sufficient(many, marks_of, 4) == few
 
 
 def test_those_used_lie_all_over_the_sequence(generated: Generated) -> None:
     base = generated(60).recording
     many = [replace(base) for _ in range(200)]
-    places = [next(i for i, m in enumerate(many) if m is r) for r in sufficient(many, 16)]
+    places = [next(i for i, m in enumerate(many) if m is r) for r in sufficient(many, marks_of, 16)]
     assert places == sorted(places)
     assert max(np.diff([0, *places, 199])) <= 2.5 * 200 / 16
 
