@@ -13,7 +13,7 @@ from ecat.batch.shards import Shard
 from ecat.errors import EcatError
 from ecat.model.prototype import BoxPrototype
 from ecat.process import ProcessReport, calibrate_together, process_session, require_stages, to_be_tracked
-from ecat.progress import Progress, silent
+from ecat.progress import Progress, beginning, silent
 
 _FIRST = "track"
 """The stage that finds the marks by which boxes are measured."""
@@ -135,8 +135,7 @@ class _Spread:
 
     def _within(self, path: Path, index: int, n_sessions: int) -> Progress:
         """The progress of one, with the session's name in front."""
-        head = f"{self.name(path)} ({index + 1} of {n_sessions})"
-        return lambda what, done, total: self.progress(f"{head}: {what}", done, total)
+        return beginning(f"{self.name(path)} ({index + 1} of {n_sessions})", self.progress)
 
 
 def _tracked(tasks: Sequence[_Task], paths: Sequence[Path], spread: _Spread) -> dict[Path, Outcome]:

@@ -18,16 +18,11 @@ from numpy.typing import NDArray
 from ecat.errors import InputError
 from ecat.store import Session
 from learn.features import qsr
+from learn.features.points import JOINTS, KINECT_FROM_CAMERA, N_POINTS
 
 Floats = NDArray[np.float64]
 Small = NDArray[np.int8]
 
-JOINTS = (
-    "SpineShoulder",
-    *(f"{part}Left" for part in ("Shoulder", "Elbow", "Wrist", "Hand", "HandTip", "Thumb")),
-    *(f"{part}Right" for part in ("Shoulder", "Elbow", "Wrist", "Hand", "HandTip", "Thumb")),
-)
-N_POINTS = len(JOINTS) + 8
 PLACES = (
     "body",
     "left_hand",
@@ -63,13 +58,9 @@ EVENT_COLUMNS = tuple(
     f"{when}_{name}" for when, name in product(("first", "last", "last_minus_first"), QSR_COLUMNS)
 )
 
-SWAP_POINTS = np.r_[0:13, 17:21, 13:17]
 SWAP_PCAS = np.r_[0:6, 8, 9, 6, 7, 14:18, 10:14]
 SWAP_QSR = np.r_[0:4, 8:12, 4:8, 12, 13, 16, 17, 14, 15, 18, 20, 19, 22, 21, 24, 23]
 """Where each number comes from when the two boxes are exchanged: ``features[:, SWAP_QSR]``."""
-
-
-_KINECT_FROM_CAMERA = np.array([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -224,7 +215,7 @@ def points_of(session: Session) -> Floats:
         for corner in range(4):
             place = np.array([mine[f"{axis}{corner}"].to_numpy()[first] for axis in "xyz"]).T
             found[frame, len(JOINTS) + 4 * number + corner] = place
-    return found * _KINECT_FROM_CAMERA
+    return found * KINECT_FROM_CAMERA
 
 
 def _texts(table: pa.Table, name: str) -> NDArray[np.str_]:

@@ -1,8 +1,7 @@
 """Features of windows of twenty frames: how two boxes and two hands lie and move on the table.
 
-The frames are the 21 points of :mod:`learn.features.ch4`, in the axes of the Kinect's camera space.  Its depth of a
-marker's corner jumps by decimetres now and then, while the direction in which a corner is seen does not; so places of
-boxes are where the rays through their corners meet the table, and the shape of a marker is the one in the image.
+The frames are those of :mod:`learn.features.points`.  The depth of a marker's corner jumps by decimetres now and then,
+while the direction in which a corner is seen does not; so places of boxes are where the rays through their corners meet the table, and the shape of a marker is the one in the image.
 Within a window, corners are medians of three frames, and what is told are means of four frames, five to a window.
 """
 
@@ -26,8 +25,6 @@ KNOTS = 5
 CONTEXT = 60
 """Frames around the middle of a window that its nearer context consists of."""
 
-SWAP = np.r_[0:13, 17:21, 13:17]
-"""Where each point comes from when the two boxes are exchanged: ``points[..., SWAP, :]``."""
 _MIRROR = np.r_[0, 7:13, 1:7, 14, 13, 16, 15, 18, 17, 20, 19]
 _NEVER_SEEN = -1.0
 _NEAREST_M = 0.3
@@ -85,9 +82,14 @@ def fit_table(points: Floats) -> Table:
     return Table(float(line[0]), float(line[1]))
 
 
+def n_windows(n_frames: int) -> int:
+    """How many windows a session of so many frames has."""
+    return max(0, (n_frames - LENGTH) // HOP + 1)
+
+
 def windows_of(points: Floats) -> Floats:
     """The windows (w, 20, 21, 3) of a session (n, 21, 3); window i is frames 5 i to 5 i + 19."""
-    starts = HOP * np.arange(max(0, (len(points) - LENGTH) // HOP + 1))
+    starts = HOP * np.arange(n_windows(len(points)))
     return points[starts[:, None] + np.arange(LENGTH)]
 
 
@@ -99,9 +101,8 @@ def surroundings_of(points: Floats) -> tuple[Floats, Floats]:
     near : (w, 20, 21, 3)
     whole : (1, 20, 21, 3)
     """
-    n_windows = max(0, (len(points) - LENGTH) // HOP + 1)
     steps = np.arange(LENGTH)
-    middle = HOP * np.arange(n_windows)[:, None] + (LENGTH - 1) / 2
+    middle = HOP * np.arange(n_windows(len(points)))[:, None] + (LENGTH - 1) / 2
     near = np.round(middle + (steps - (LENGTH - 1) / 2) * CONTEXT / LENGTH).astype(np.int64)
     whole = np.round(np.linspace(0, len(points) - 1, LENGTH)).astype(np.int64)
     return points[near.clip(0, len(points) - 1)], points[None, whole]

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ecat.errors import FormatError, InputError, NotFoundError
 from ecat.formats.ecat2018.learning_export import ExportedSession, read_learning_export
 from ecat.progress import Progress, silent
-from learn.features.windows import HOP, LENGTH, Floats
+from learn.features.points import KINECT_FROM_CAMERA
+from learn.features.windows import HOP, LENGTH, Floats, n_windows
 
 SLOTS: dict[str, tuple[str | None, ...]] = {
     "subject": (None, "Performer", "Object_1", "Object_2"),
@@ -32,7 +33,6 @@ _PREPOSITIONS = {None: 0, "Past": 1, "From": 2, "To": 3}
 _ROLES = {"Subject": 0, "Object": 1, "Theme": 2}
 _ACTORS = ("rig_role", "box1_role", "box2_role")
 _EXCHANGED = np.array([0, 1, 3, 2], np.int8)
-_TO_KINECT = np.array([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -116,15 +116,17 @@ def words(label: Sequence[int]) -> list[str | None]:
 def _labelled(path: Path, session: ExportedSession, unknown: Counter[str]) -> LabelledSession:
     where = f"session {session.name} of {path}"
     parts = [_axes(session.joints, 13), _axes(session.boxes, 8)]
-    points = np.concatenate(parts, axis=1) * _TO_KINECT
-    n_frames, n_windows = len(points), max(0, (len(points) - LENGTH) // HOP + 1)
+    points = np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
+    n_frames = len(points)
     if n_frames < LENGTH:
         raise _unfit(where, f"it has {n_frames} frames, a window {LENGTH}", "leave the session out")
     for box, corners in ((1, points[:, 13:17]), (2, points[:, 17:21])):
         if not (np.isfinite(corners) & (corners != -1)).any():
             raise _unfit(where, f"box {box} was never seen", "give sessions in which two boxes are handled")
-    if session.events.num_rows != n_windows:
-        stated = f"{session.events.num_rows} labels for the {n_windows} windows of its {n_frames} frames"
+    if session.events.num_rows != n_windows(n_frames):
+        stated = (
+            f"{session.events.num_rows} labels for the {n_windows(n_frames)} windows of its {n_frames} frames"
+        )
         raise _unfit(where, stated, f"label each window of {LENGTH} frames, every {HOP} frames")
     labels = [_label(row, unknown, where) for row in session.events.to_pylist()]
     return LabelledSession(path.stem, session.name, points, np.array(labels, np.int8).reshape(-1, 5))

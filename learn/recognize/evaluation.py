@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ecat.errors import InputError, MissingExtraError
-from ecat.progress import Progress, silent
+from ecat.progress import Progress, beginning, silent
 from ecat.store import staged_file
 from learn.features.windows import Floats
 from learn.recognize.baselines import BASELINES
@@ -178,7 +178,7 @@ def _folded(
     found: list[Predicted] = []
     for fold in range(N_FOLDS):
         known, tested = _parted(sessions, folds, fold)
-        recognizer = train(known, settings, _named(progress, f"seed {settings.seed}, fold {fold + 1}: "))
+        recognizer = train(known, settings, beginning(f"seed {settings.seed}, fold {fold + 1}", progress))
         found.append(predicted(tested, recognizer.recognize([session.points for session in tested])))
     return found
 
@@ -214,15 +214,11 @@ def _baselines(
     sessions: Sequence[LabelledSession], folds: NDArray[np.int64], progress: Progress
 ) -> dict[str, Any]:
     found: dict[str, Any] = {}
+    parts = [_parted(sessions, folds, fold) for fold in range(N_FOLDS)]
+    true = np.concatenate([session.labels for _, tested in parts for session in tested])
     for done, (name, baseline) in enumerate(BASELINES.items()):
         progress("baselines", done, len(BASELINES))
-        parts = [_parted(sessions, folds, fold) for fold in range(N_FOLDS)]
         said = np.concatenate([baseline(known, tested) for known, tested in parts])
-        true = np.concatenate([session.labels for _, tested in parts for session in tested])
         found[name] = score(true, said)
     progress("baselines", len(BASELINES), len(BASELINES))
     return found
-
-
-def _named(progress: Progress, prefix: str) -> Progress:
-    return lambda what, done, total: progress(prefix + what, done, total)

@@ -21,16 +21,15 @@ from numpy.typing import NDArray
 from ecat.errors import CorruptError, ExistsError, InputError, NotFoundError
 from ecat.progress import Progress, silent
 from ecat.store import staged_file
+from learn.features.points import SWAP_POINTS
 from learn.features.windows import (
-    HOP,
-    LENGTH,
-    SWAP,
     VERSION,
     Features,
     Floats,
     Table,
     fit_table,
     mirror,
+    n_windows,
     surroundings_of,
     window_features,
     windows_of,
@@ -89,13 +88,15 @@ class Recognizer:
             found = np.mean(list(threads.map(partial(self._seen_once, sessions), (False, True))), axis=0)
         alone, context = found
         grammar = Grammar.of(self.vocabulary, self.habits)
-        ends = np.cumsum([_n_windows(points) for points in sessions])
+        ends = np.cumsum([n_windows(len(points)) for points in sessions])
         parts = [grammar.smooth(part) for part in np.split(context, ends)[:-1] if len(part)]
         return Recognized(self.vocabulary, alone, np.concatenate(parts) if parts else context)
 
     def _seen_once(self, sessions: Sequence[Floats], swap: bool) -> Floats:  # noqa: FBT001
         """Probabilities (2, w, k) by the two forests, of the boxes as they are or exchanged."""
-        features = features_of([points[:, SWAP] if swap else points for points in sessions], self.table)
+        features = features_of(
+            [points[:, SWAP_POINTS] if swap else points for points in sessions], self.table
+        )
         found = [
             forest.predict(part) for forest, part in zip((self.alone, self.context), features, strict=True)
         ]
@@ -106,7 +107,7 @@ class Recognizer:
 def features_of(sessions: Sequence[Floats], table: Table) -> tuple[Features, Features]:
     """Features of all windows of sessions: of each alone, and with its session, which begin with the former."""
     around = [surroundings_of(points) for points in sessions]
-    counts = [_n_windows(points) for points in sessions]
+    counts = [n_windows(len(points)) for points in sessions]
     alone = window_features(np.concatenate([windows_of(points) for points in sessions]), table)
     near = window_features(np.concatenate([part for part, _ in around]), table)
     whole = window_features(np.concatenate([part for _, part in around]), table).repeat(counts, axis=0)
@@ -239,12 +240,8 @@ def _small(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _seen(points: Floats, *, swap: bool, mirrored: bool) -> Floats:
-    points = points[:, SWAP] if swap else points
+    points = points[:, SWAP_POINTS] if swap else points
     return mirror(points) if mirrored else points
-
-
-def _n_windows(points: Floats) -> int:
-    return max(0, (len(points) - LENGTH) // HOP + 1)
 
 
 def _where(n_windows: int) -> Features:

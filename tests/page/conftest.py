@@ -192,6 +192,16 @@ class Window:
             f"() => {{ const app = window.ecat; return {condition}; }}", timeout=WAIT_MS
         )
 
+    def new_layer(self, name: str) -> None:
+        """Begin a layer, and go on in it."""
+        self.find("layer-button").click()
+        self.find("new-layer").click()
+        self.find("prompt-input").fill(name)
+        self.find("prompt-yes").click()
+        self.until(f"app.activeLayer === '{name}'")
+        self.page.keyboard.press("Escape")
+        self.closed("layers")
+
     def opened(self) -> None:
         """Wait until the session is there."""
         self.page.wait_for_selector("#workspace", timeout=WAIT_MS)

@@ -237,13 +237,7 @@ def test_windows_are_laid_over_all_sessions(served: Any, listed: Any, blank_once
 
 
 def test_all_sessions_are_edited_in_the_layer_to_begin_with(served: Any, annotating: Any) -> None:
-    annotating.find("layer-button").click()
-    annotating.find("new-layer").click()
-    annotating.find("prompt-input").fill("ben")
-    annotating.find("prompt-yes").click()
-    annotating.until("app.activeLayer === 'ben'")
-    annotating.page.keyboard.press("Escape")
-    annotating.closed("layers")
+    annotating.new_layer("ben")
     annotating.page.evaluate("() => { location.hash = '#/'; }")
     for button, field in (("windows-everywhere", "windows-layer"), ("find-everywhere", "prompt-input")):
         annotating.find(button).click()

@@ -81,13 +81,7 @@ def test_a_button_pressed_with_the_mouse_does_not_keep_the_space_bar(annotating:
 
 def test_each_annotator_has_a_layer_and_sees_the_others(served: Any, annotating: Any) -> None:
     annotating.press("e")
-    annotating.find("layer-button").click()
-    annotating.find("new-layer").click()
-    annotating.find("prompt-input").fill("ben")
-    annotating.find("prompt-yes").click()
-    annotating.until("app.activeLayer === 'ben'")
-    annotating.page.keyboard.press("Escape")
-    annotating.closed("layers")
+    annotating.new_layer("ben")
     annotating.at(100)
     annotating.press("e")
     assert annotating.says("app.shownLayers.map(l => l.name)") == ["ben", "main"]

@@ -79,7 +79,7 @@ def write_part(
     files.make_folders(dest / "tables")
     if options.tables:
         for name in session.tables:
-            _write_table(session, name, label, _part(dest / "tables" / name))
+            _write_table(session, name, label, dest / "tables" / f"{name}.arrow")
     try:
         plan = Plan(session, label, options)
     except InputError as error:
@@ -106,10 +106,6 @@ def _write_table(session: Session, name: str, label: str, path: Path) -> None:
             columns: list[Any] = [pa.array([label] * rows.num_rows, pa.string())]
             columns += [_plain(rows[field.name], field.type) for field in list(schema)[1:]]
             out.write_table(pa.table(columns, schema=schema))
-
-
-def _part(path: Path) -> Path:
-    return path.with_name(f"{path.name.removesuffix('.parquet')}.arrow")
 
 
 def _part_writer(path: Path, schema: pa.Schema) -> Any:
@@ -157,14 +153,14 @@ def _plain(column: Any, kind: pa.DataType) -> Any:
 def _write_moments(plan: Plan, dest: Path, label: str, options: TidyOptions, progress: Progress) -> list[str]:
     columns: list[str] = []
     moments: Any = None
-    with _part_writer(_part(dest / WINDOWS), _WINDOW) as windows:
+    with _part_writer((dest / WINDOWS).with_suffix(".arrow"), _WINDOW) as windows:
         try:
             for number, episode in enumerate(plan.episodes()):
                 progress(label, number, len(plan))
                 table = _moments(episode)
                 if moments is None:
                     columns = table.schema.names[len(_MOMENT) :]
-                    moments = _part_writer(_part(dest / MOMENTS), table.schema)
+                    moments = _part_writer((dest / MOMENTS).with_suffix(".arrow"), table.schema)
                 moments.write_table(table)
                 windows.write_table(_windows(episode, options))
         finally:
@@ -230,7 +226,7 @@ def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Pro
     rows: dict[str, int] = {}
     for done, (name, schema) in enumerate(schemas.items()):
         progress("joining", done, len(schemas))
-        found = [path for part in parts if (path := _part(part.path / name)).exists()]
+        found = [path for part in parts if (path := (part.path / name).with_suffix(".arrow")).exists()]
         if found:
             rows[name] = _join(found, dest / name, schema)
     text = card(rows, len(parts), clock_method(options), asdict(options))

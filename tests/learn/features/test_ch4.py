@@ -21,6 +21,7 @@ from ecat.sample import sample_session
 from ecat.store import create_session
 from learn.features import ch4
 from learn.features.ch4 import Projection, Projections
+from learn.features.points import SWAP_POINTS
 
 Floats = NDArray[np.float64]
 
@@ -138,7 +139,7 @@ def test_planes_fitted_to_the_data_are_nearly_those_of_the_original(
 def test_exchanging_the_boxes_before_is_exchanging_their_features() -> None:
     points = frames()
     planes = ch4.fit_projections(points)
-    places, exchanged = ch4.pcas(points, planes), ch4.pcas(points[:, ch4.SWAP_POINTS], planes)
+    places, exchanged = ch4.pcas(points, planes), ch4.pcas(points[:, SWAP_POINTS], planes)
     np.testing.assert_allclose(exchanged, places[:, ch4.SWAP_PCAS], rtol=0, atol=1e-12)
     assert len(ch4.SWAP_QSR) == 25
     same = np.r_[0:12, 14:25]  # the direction from one box to the other turns round

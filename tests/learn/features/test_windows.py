@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ecat.errors import InputError
+from learn.features.points import SWAP_POINTS
 from learn.features.windows import (
-    SWAP,
     Table,
     fit_table,
     mirror,
@@ -69,7 +69,7 @@ def test_unknown_points_take_the_nearest_known() -> None:
 
 def test_a_mirror_twice_and_an_exchange_twice_change_nothing() -> None:
     np.testing.assert_array_equal(mirror(mirror(POINTS)), POINTS)
-    np.testing.assert_array_equal(POINTS[:, SWAP][:, SWAP], POINTS)
+    np.testing.assert_array_equal(POINTS[:, SWAP_POINTS][:, SWAP_POINTS], POINTS)
 
 
 def test_windows_are_independent_of_each_other() -> None:
