@@ -1,8 +1,9 @@
 """Features of windows of twenty frames: how two boxes and two hands lie and move on the table.
 
 The frames are those of :mod:`learn.features.points`.  The depth of a marker's corner jumps by decimetres now and then,
-while the direction in which a corner is seen does not; so places of boxes are where the rays through their corners meet the table, and the shape of a marker is the one in the image.
-Within a window, corners are medians of three frames, and what is told are means of four frames, five to a window.
+while the direction in which a corner is seen does not; so places of boxes are where the rays through their corners meet
+the table, and the shape of a marker is the one in the image.  Within a window, corners are medians of three frames, and
+what is told are means of four frames, five to a window.
 """
 
 from __future__ import annotations
