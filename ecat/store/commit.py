@@ -18,6 +18,7 @@ from ecat.store.manifest import SESSION_FILE, dump_manifest, is_layer_name, laye
 from ecat.store.parquet import TableData, write_table
 from ecat.store.publish import publish
 from ecat.store.schemes import scheme_or_default
+from ecat.store.together import run_together
 from ecat.store.transaction import COMMIT_FILE, NewFiles
 from ecat.store.xml import layer_to_xml
 from ecat.tables import PUBLISHED, SCHEMA_VERSION, TABLES
@@ -163,7 +164,11 @@ class Commit:
             self._there(name)
 
     def write_streams(self, writers: Mapping[str, Callable[[Path], None]]) -> None:
-        """Let a function write the file of each stream named; it is given the path to write to."""
+        """Let a function write the file of each stream named; it is given the path to write to.
+
+        They are called in threads, side by side.
+        """
+        works: list[Callable[[], None]] = []
         for name, write in writers.items():
             target = self._media_file(name, "write")
             if target in self._new.sha256:
@@ -171,7 +176,9 @@ class Commit:
                 raise UsageError(
                     f"cannot write the file of stream {name}", where=f"{target} is taken", fix=fix
                 )
-            self._new.written_by(target, write)
+            works.append(self._new.to_be_written(target, write))
+        run_together(works)
+        for name in writers:
             self._there(name)
 
     def revise(self, change: Callable[[Manifest], Manifest]) -> None:

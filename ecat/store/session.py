@@ -31,8 +31,9 @@ class Draft:
     manifest : without records of layers and tables; the store fills them, and size and sha256 of the streams
         it copies. layers, tables : what to write. files : name of a stream, and the file to copy to where the
         stream's ``file`` says (inside ``media/``). media : name of a stream, and the function that writes its file
-        to the path it is given. finish : makes the manifest what it should be once the media are written, for what only
-        writing them tells; rows of ``tables`` that are made as they are asked for are made after it.
+        to the path it is given; they are called in threads, side by side. finish : makes the manifest what it should be
+        once the media are written, for what only writing them tells; rows of ``tables`` that are made as they are asked
+        for are made after it.
     """
 
     manifest: Manifest

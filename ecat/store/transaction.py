@@ -77,13 +77,17 @@ class NewFiles:
             yield file
         self.sha256[target] = file.sha256
 
-    def written_by(self, target: str, write: Callable[[Path], None]) -> None:
-        """Let a function write the file that will be ``target``, at the path that it is given."""
+    def to_be_written(self, target: str, write: Callable[[Path], None]) -> Callable[[], None]:
+        """What lets a function write the file that will be ``target``, at the path that it is given."""
         with self.open(target):
             pass  # makes the folders, and the file, which the function replaces
         path = self.path(target)
-        write(path)
-        self.sha256[target] = files.sha256_of(path)
+
+        def written() -> None:
+            write(path)
+            self.sha256[target] = files.sha256_of(path)
+
+        return written
 
     def write(self, target: str, data: bytes) -> str:
         """Write ``data`` to what will be ``target``, and return its sha256."""

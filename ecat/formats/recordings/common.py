@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ecat.errors import FormatError
 from ecat.formats.format import ImportReport
 from ecat.model import Camera, Clock, Manifest, Provenance, Stream
-from ecat.progress import Progress, silent
+from ecat.progress import Progress, silent, together
 from ecat.store import Draft, TableData, create_session
 from ecat.store.manifest import is_plain_name
 from ecat.store.media import ColorWriter, DepthWriter, annotated_stream
@@ -271,9 +271,7 @@ def create(
     FormatError : a stream has not one readable image.
     StoreError : ``dest`` is taken or cannot be written; nothing is left there.
     """
-    for track in tracks:
-        track.progress = progress
-
+    written = tell_together(tracks, progress)
     manifest = Manifest(
         name=name or _session_name(dest),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -288,11 +286,23 @@ def create(
         manifest=manifest,
         tables={"frames": frames, **(tables or {})},
         files={track.stream.name: track.source for track in tracks if track.source is not None},
-        media={track.stream.name: track.write for track in tracks if track.source is None},
+        media={track.stream.name: track.write for track in written},
         finish=lambda manifest: _finished(manifest, tracks, notes),
     )
     session = create_session(dest, draft)
     return ImportReport(path=dest, format=format_name, sessions=1, findings=session.manifest.provenance.notes)
+
+
+def tell_together(tracks: Sequence[Track], progress: Progress) -> list[Track]:
+    """Let the tracks whose files will be written, side by side, tell how far all of them are; those are returned."""
+    written = [track for track in tracks if track.source is None]
+    if len(written) > 1:
+        names = ", ".join(track.stream.name for track in written)
+        known = all(track.expected for track in written)
+        progress = together(f"writing {names}", sum(track.expected for track in written) * known, progress)
+    for track in written:
+        track.progress = progress
+    return written
 
 
 def _finished(manifest: Manifest, tracks: Sequence[Track], notes: Sequence[str]) -> Manifest:

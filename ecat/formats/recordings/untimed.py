@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ecat.formats.format import ImportReport
-from ecat.formats.recordings.common import Track
+from ecat.formats.recordings.common import Track, tell_together
 from ecat.model import Camera, Clock, Manifest, Provenance
 from ecat.progress import Progress, silent
 from ecat.store import Draft, TableData, create_session
@@ -42,8 +42,7 @@ def create_untimed(
     FormatError : a stream has not one readable image.
     StoreError : ``dest`` is taken or cannot be written; nothing is left there.
     """
-    for track in tracks:
-        track.progress = progress
+    written = tell_together(tracks, progress)
 
     def finish(manifest: Manifest) -> Manifest:
         streams = tuple(
@@ -73,6 +72,6 @@ def create_untimed(
         streams=tuple(track.stream for track in tracks),
         provenance=Provenance(format=format_name, source=source),
     )
-    media = {track.stream.name: track.write for track in tracks}
+    media = {track.stream.name: track.write for track in written}
     session = create_session(dest, Draft(manifest=manifest, tables=tables or {}, media=media, finish=finish))
     return ImportReport(path=dest, format=format_name, sessions=1, findings=session.manifest.provenance.notes)

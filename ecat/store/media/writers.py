@@ -18,6 +18,7 @@ from ecat.errors import FormatError, UsageError
 from ecat.store import files
 from ecat.store.media import ffv1
 from ecat.store.media.container import Packets, media_errors, open_media, scan
+from ecat.store.together import go_on
 
 if TYPE_CHECKING:
     from av import Packet, VideoFrame, VideoStream
@@ -94,6 +95,7 @@ class _Writer(AbstractContextManager[Any]):
     def _put(self, frame: VideoFrame, t_ns: int) -> None:
         from av.video.frame import PictureType
 
+        go_on()
         ticks = (int(t_ns) + 500) // 1000
         if ticks <= self._last_ticks:
             raise UsageError(
@@ -269,6 +271,7 @@ def remux(source: Path, dest: Path, indices: tuple[int, ...] = ()) -> int:
                 packet.dts = decoding[packet.stream_index].get(packet.pts)  # Matroska does not have them
             if packet.dts is None or packet.is_corrupt or packet.stream_index not in started:
                 continue
+            go_on()
             packet.stream = streams[packet.stream_index]
             out.mux(packet)
             copied += 1
