@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import multiprocessing.context
 import os
 import signal
+import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Literal, TypeVar
@@ -21,11 +23,10 @@ from ecat.errors import MissingExtraError, UsageError
 Engine = Literal["processes", "ray"]
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-Keep = Callable[[int, _R], None]
 
 FEW = 4
 """Fewer tasks are done before other processes have started."""
-_WAITING = 2
+_WAITING = 8
 """Tasks handed over for each process, so that none waits and memory does not grow with the number of tasks."""
 
 
@@ -44,8 +45,10 @@ def run(
     died: Callable[[_T], _R],
     keep: Callable[[_R], None],
     engine: Engine = "processes",
-) -> list[_R]:
-    """``work`` of every task, in the order of the tasks.
+) -> Generator[_R]:
+    """``work`` of every task, in the order of the tasks, each as soon as it and those before it are done.
+
+    While the caller is busy with one, those behind it are worked on.  Whoever stops early closes it.
 
     Parameters
     ----------
@@ -57,40 +60,47 @@ def run(
     MissingExtraError : Ray is wanted and is not installed.
     """
     done: dict[int, _R] = {}
-
-    def note(index: int, result: _R) -> None:
-        done[index] = result
-        keep(result)
-
-    if engine == "ray":
-        _in_ray(work, tasks, jobs, died, note)
-    else:
-        left = dict(enumerate(tasks))
-        while left:
-            suspects = _in_processes(work, left, jobs, note)
-            # when a process dies, those beside it are lost too: each is done by itself, so that the one is named
-            for index in suspects:
-                if _in_processes(work, {index: tasks[index]}, 1, note):
-                    note(index, died(tasks[index]))
-            left = {index: task for index, task in left.items() if index not in done}
-    return [done[index] for index in range(len(tasks))]
+    following = 0
+    made = _in_ray(work, tasks, jobs, died) if engine == "ray" else _surviving(work, tasks, jobs, died)
+    with contextlib.closing(made):
+        for index, result in made:
+            keep(result)
+            done[index] = result
+            while following in done:
+                yield done.pop(following)
+                following += 1
 
 
-def _in_processes(work: Callable[[_T], _R], tasks: dict[int, _T], jobs: int, keep: Keep[_R]) -> list[int]:
-    """Hand over the results as they come.  If a process dies, this ends; the answer is what was under way then."""
-    left = iter(tasks.items())
+def _surviving(
+    work: Callable[[_T], _R], tasks: Sequence[_T], jobs: int, died: Callable[[_T], _R]
+) -> Generator[tuple[int, _R]]:
+    left = dict(enumerate(tasks))
+    while left:
+        suspects = yield from _in_processes(work, left, left, jobs)
+        # when a process dies, those beside it are lost too: each is done by itself, so that the one is named
+        for index in suspects:
+            if (yield from _in_processes(work, left, [index], 1)):
+                yield index, died(left.pop(index))
+
+
+def _in_processes(
+    work: Callable[[_T], _R], left: dict[int, _T], which: Iterable[int], jobs: int
+) -> Generator[tuple[int, _R], None, list[int]]:
+    """The results as they come, their tasks out of ``left``.  If a process dies, this ends with what was under way."""
+    waiting = iter(list(which))
     under_way: dict[Future[_R], int] = {}
     with pool(jobs) as processes:
         try:
             while True:
-                for index, task in _first(left, jobs * _WAITING - len(under_way)):
-                    under_way[processes.submit(work, task)] = index
+                for index in _first(waiting, jobs * _WAITING - len(under_way)):
+                    under_way[processes.submit(work, left[index])] = index
                 if not under_way:
                     return []
-                finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    keep(under_way[future], future.result())
-                    del under_way[future]
+                finished = next(iter(wait(under_way, return_when=FIRST_COMPLETED).done))
+                result = finished.result()
+                index = under_way.pop(finished)
+                del left[index]
+                yield index, result
         except BrokenProcessPool:
             return sorted(under_way.values())
 
@@ -107,8 +117,9 @@ def _first(items: Iterator[_T], n: int) -> Iterator[_T]:
 def pool(jobs: int) -> Generator[ProcessPoolExecutor]:
     """Processes that end with the block, at once if it fails: a commit is made whole or not at all."""
     others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    processes = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin)
+    processes = ProcessPoolExecutor(
+        jobs, mp_context=_context(), initializer=_begin, initargs=(dict(os.environ),)
+    )
     try:
         yield processes
     except BaseException:
@@ -120,8 +131,19 @@ def pool(jobs: int) -> Generator[ProcessPoolExecutor]:
     processes.shutdown()
 
 
-def _begin() -> None:
+def _context() -> multiprocessing.context.BaseContext:
+    """On Linux processes are copies of one that has imported what they need, once; elsewhere a copy is not safe."""
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    # pyarrow imports pandas with its first array, if it is there
+    context.set_forkserver_preload(["ecat.batch", "pandas"])
+    return context
+
+
+def _begin(environment: dict[str, str]) -> None:
     """What a process does first: leave it to the one that started it to end it, and not outlive that one."""
+    os.environ.update(environment)
     # Ctrl-C reaches every process of a terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -134,8 +156,8 @@ def _end_with_parent() -> None:
 
 
 def _in_ray(
-    work: Callable[[_T], _R], tasks: Sequence[_T], jobs: int, died: Callable[[_T], _R], keep: Keep[_R]
-) -> None:
+    work: Callable[[_T], _R], tasks: Sequence[_T], jobs: int, died: Callable[[_T], _R]
+) -> Generator[tuple[int, _R]]:
     """As Ray core tasks: in the cluster that ``RAY_ADDRESS`` names, else in one on this machine, for this call."""
     ray = _ray()
     begun = not ray.is_initialized()
@@ -156,7 +178,7 @@ def _in_ray(
                 result = ray.get(finished)
             except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
                 result = died(tasks[index])
-            keep(index, result)
+            yield index, result
     finally:
         if begun:
             ray.shutdown()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +58,9 @@ def export_sessions(
     chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
     tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
     if shard is not None:
-        return _share(tasks[0], _all(shard.of(tasks), jobs, engine, progress))
-    return exporting.join(dest, chosen, _all(tasks, jobs, engine, progress), progress)
+        with closing(_all(shard.of(tasks), jobs, engine, progress)) as outcomes:
+            return _share(tasks[0], list(outcomes))
+    return exporting.join(dest, chosen, tasks, _all(tasks, jobs, engine, progress), progress)
 
 
 def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
@@ -72,10 +74,12 @@ def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
     )
 
 
-def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress) -> list[Made]:
+def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress) -> Generator[Made]:
+    """What becomes of them, in their order, each as soon as it and those before it are done."""
     jobs = usual_jobs(len(tasks)) if jobs is None else max(1, min(jobs, len(tasks)))
     if len(tasks) == 1:
-        return [exporting.make_part(tasks[0], progress)]
+        yield exporting.make_part(tasks[0], progress)
+        return
     done = 0
 
     def keep(outcome: Made) -> None:
@@ -85,12 +89,12 @@ def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Prog
 
     progress("starting", 0, len(tasks))
     if jobs == 1 and engine == "processes":
-        outcomes: list[Made] = []
         for task in tasks:
-            outcomes.append(_outcome(task))
-            keep(outcomes[-1])
-        return outcomes
-    return engines.run(_outcome, tasks, jobs=jobs, died=_died, keep=keep, engine=engine)
+            outcome = _outcome(task)
+            keep(outcome)
+            yield outcome
+        return
+    yield from engines.run(_outcome, tasks, jobs=jobs, died=_died, keep=keep, engine=engine)
 
 
 def _outcome(task: Task) -> Made:

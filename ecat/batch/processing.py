@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -131,7 +132,9 @@ class _Spread:
             self.progress(self.name(outcome.path), done, len(tasks))
 
         self.progress("starting", 0, len(tasks))
-        return engines.run(_outcome, tasks, jobs=max(1, jobs), died=_died, keep=keep, engine=self.engine)
+        work = engines.run(_outcome, tasks, jobs=max(1, jobs), died=_died, keep=keep, engine=self.engine)
+        with closing(work):
+            return list(work)
 
     def _within(self, path: Path, index: int, n_sessions: int) -> Progress:
         """The progress of one, with the session's name in front."""

@@ -1,9 +1,9 @@
 """Writing formats a session at a time: parts that can be made anywhere, in any order, and what becomes of them.
 
-Beside the destination ``out`` there is, while it is being made, a folder ``.out.parts``: a folder for each session,
-which appears when it is complete.  A part says what it was made from; one that matches is not made again, so that the
-same command goes on after an interruption, and several machines that share the disk make a share each.  The parts are
-joined in the order of the sessions' paths, whoever made them.  Sessions and destination may be URLs
+Beside the destination ``out`` there is, while it is being made, a folder ``.out.parts``: a file or folder for each
+session, and when that is complete, a file that says what it was made from.  A part that matches is not made again, so
+that the same command goes on after an interruption, and several machines that share the disk make a share each.  The
+parts are joined in the order of the sessions' paths, whoever made them.  Sessions and destination may be URLs
 (:mod:`ecat.store.remote`).
 """
 
@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, overload
 
 from ecat.errors import EcatError, NotFoundError
 from ecat.formats import registry
@@ -97,13 +99,13 @@ def _made(task: Task, progress: Progress) -> Made:
     chosen = registry.find(task.format)
     write = chosen.part
     assert write is not None
-    if isinstance(task.session, Path):
-        open_session(task.session)  # what others did to it is in its manifest then
+    # what others did to it is in its manifest then
+    here = open_session(task.session) if isinstance(task.session, Path) else None
     key = _key(chosen, task)
     if (known := task.parts.known(task.label, key)) is not None:
         return Made(task=task, findings=known)
     with remote.at_hand(task.session) as folder:
-        session = open_session(folder)
+        session = here or open_session(folder)
         findings = task.parts.put(
             task.label, key, lambda dest: write(session, task.label, dest, task.options, progress)
         )
@@ -128,46 +130,106 @@ def write(
     EcatError : as of :func:`tasks_of` and :func:`join`.
     """
     tasks = tasks_of(path, dest, chosen, options)
-    outcomes: list[Made] = []
-    for done, task in enumerate(tasks):
-        progress(task.label, done, len(tasks))
-        outcomes.append(make_part(task, progress if len(tasks) == 1 else silent))
-    return join(dest, chosen, outcomes, progress)
+
+    def outcomes() -> Generator[Made]:
+        for done, task in enumerate(tasks):
+            progress(task.label, done, len(tasks))
+            yield make_part(task, progress if len(tasks) == 1 else silent)
+
+    return join(dest, chosen, tasks, outcomes(), progress)
 
 
-def join(dest: Place, chosen: Format, outcomes: Sequence[Made], progress: Progress = silent) -> ExportReport:
-    """Make ``dest`` of the parts, in the order of ``outcomes``; sessions without a part are named in the report.
+def join(
+    dest: Place,
+    chosen: Format,
+    tasks: Sequence[Task],
+    outcomes: Generator[Made],
+    progress: Progress = silent,
+) -> ExportReport:
+    """Make ``dest`` of the parts, in the order of the tasks; sessions without a part are named in the report.
+
+    Parameters
+    ----------
+    outcomes : what becomes of ``tasks``, in their order.  Parts are joined as they come, while others are being made.
 
     Raises
     ------
     ExistsError : ``dest`` is taken.
     EcatError : there is no part at all: what stopped the first session.
     """
-    made = [outcome for outcome in outcomes if outcome.error is None]
-    failures = tuple((o.task.session, o.error) for o in outcomes if o.error is not None)
-    parts = outcomes[0].task.parts
-    if not made:
-        parts.remove()
-        raise failures[0][1]
-    several = len(outcomes) > 1
-    findings = [f"{o.task.label}: {finding}" if several else finding for o in made for finding in o.findings]
-    labels = [outcome.task.label for outcome in made]
-    options = outcomes[0].task.options
-    with (
-        parts.data(labels) as places,
-        remote.sent(dest) if isinstance(dest, str) else staged_path(dest) as new,
-    ):
-        found = [Part(label=label, path=place) for label, place in zip(labels, places, strict=True)]
-        if chosen.merge is not None:
-            findings += chosen.merge(found, new, options, progress)
-        elif several:
-            _lay_out(found, new, chosen.suffix)
-        else:
-            files.link_or_copy(found[0].path, new)
+    parts, several = tasks[0].parts, len(tasks) > 1
+    with closing(outcomes), parts.data() as place:
+        made = _Coming(outcomes, place)
+        if not made.any():
+            parts.remove()
+            raise made.failures[0][1]
+        # among the parts: after an interruption it goes where they go
+        staged = remote.sent(dest) if isinstance(dest, str) else staged_path(dest, Path(str(parts)))
+        with staged as new:
+            findings: list[str] = []
+            if chosen.merge is not None:
+                findings += chosen.merge(made, new, tasks[0].options, progress)
+            elif several:
+                _lay_out(made, new, chosen.suffix)
+            else:
+                files.link_or_copy(made[0].path, new)
+            n_made = len(made)
     parts.remove()
     return ExportReport(
-        path=dest, format=chosen.name, sessions=len(made), findings=tuple(findings), failures=failures
+        path=dest,
+        format=chosen.name,
+        sessions=n_made,
+        findings=(*made.findings(named=several), *findings),
+        failures=tuple(made.failures),
     )
+
+
+class _Coming(Sequence[Part]):
+    """The parts of sessions, in their order; to iterate is to wait for one after the other, all else waits for all."""
+
+    def __init__(self, outcomes: Iterator[Made], place: Callable[[str], Path]) -> None:
+        self._outcomes, self._place = outcomes, place
+        self._made: list[Made] = []
+        self._parts: list[Part] = []
+        self.failures: list[tuple[Place, EcatError]] = []
+
+    def _wait(self) -> bool:
+        """Wait for another part; whether there is one."""
+        for outcome in self._outcomes:
+            if outcome.error is None:
+                label = outcome.task.label
+                self._parts.append(Part(label=label, path=self._place(label)))
+                self._made.append(outcome)
+                return True
+            self.failures.append((outcome.task.session, outcome.error))
+        return False
+
+    def any(self) -> bool:
+        """Whether there is any part at all."""
+        return bool(self._parts) or self._wait()
+
+    def findings(self, *, named: bool) -> list[str]:
+        """What the formats could not carry; ``named``, with the session in front."""
+        return [f"{o.task.label}: {said}" if named else said for o in self._made for said in o.findings]
+
+    def __iter__(self) -> Iterator[Part]:
+        for index in count():
+            if index == len(self._parts) and not self._wait():
+                return
+            yield self._parts[index]
+
+    def __len__(self) -> int:
+        while self._wait():
+            pass
+        return len(self._parts)
+
+    @overload
+    def __getitem__(self, index: int) -> Part: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Part]: ...
+    def __getitem__(self, index: int | slice) -> Part | list[Part]:
+        len(self)
+        return self._parts[index]
 
 
 def _lay_out(parts: Sequence[Part], folder: Path, suffix: str) -> None:

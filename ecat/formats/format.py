@@ -100,6 +100,9 @@ class Part:
 class Merger(Protocol):
     """Joins parts, in their order, to one data set at ``dest``, a file or a folder that is not there yet.
 
+    To iterate over them is to wait for one after the other, while those behind are still being made; their number is
+    known when all are.
+
     What was encoded is not encoded again, and memory does not grow with the number of parts.  It may move files out
     of the parts.  Returns findings.
     """

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ecat.store import files, remote, write_new_file
+from ecat.store import files, remote
 
 _ABOUT = "part.json"
 _DATA = "data"
@@ -62,34 +62,41 @@ class LocalParts:
 
     def known(self, label: str, key: str) -> Findings | None:
         """The findings of the part called ``label``, if it is there and was made from ``key``."""
-        folder = self.folder / _name(label)
+        data, about = self._places(label)
         try:
-            about = (folder / _ABOUT).read_bytes()
+            said = about.read_bytes()
         except OSError:
             return None
-        return _findings(about, key) if (folder / _DATA).exists() else None
+        return _findings(said, key) if data.exists() else None
 
     def put(self, label: str, key: str, write: Write) -> Findings:
         """Make a part; it is there when this returns, and not at all if it raises."""
-        folder = self.folder / _name(label)
-        staging = folder.with_name(f"{folder.name}.{secrets.token_hex(8)}.partial")
-        with files.typed_errors(f"cannot write {label}", folder, "this session is not in the export"):
-            files.make_folders(staging)
+        data, about = self._places(label)
+        staging = data.with_name(f"{data.name}.{secrets.token_hex(8)}.partial")
+        with files.typed_errors(f"cannot write {label}", data, "this session is not in the export"):
+            files.make_folders(self.folder)
             try:
-                findings = write(staging / _DATA)
-                write_new_file(staging / _ABOUT, [_about(key, findings)])
+                findings = write(staging)
                 files.sync_tree(staging)
-                files.remove(folder)
-                files.rename(staging, folder)
+                files.remove(about)
+                files.remove(data)
+                files.rename(staging, data)
+                # it is a part from here on; if this is lost, or not whole, the part is made again
+                with files.NewFile(about) as file:
+                    file.write(_about(key, findings))
             except BaseException:
                 files.remove(staging)
                 raise
         return findings
 
+    def _places(self, label: str) -> tuple[Path, Path]:
+        data = self.folder / _name(label)
+        return data, data.with_name(f"{data.name}.json")
+
     @contextmanager
-    def data(self, labels: list[str]) -> Generator[list[Path]]:
-        """Where the parts are, for the time of the block."""
-        yield [self.folder / _name(label) / _DATA for label in labels]
+    def data(self) -> Generator[Callable[[str], Path]]:
+        """Where the part of a label is, for the time of the block."""
+        yield lambda label: self._places(label)[0]
 
     def remove(self) -> None:
         """Remove all of them."""
@@ -123,13 +130,17 @@ class RemoteParts:
         return findings
 
     @contextmanager
-    def data(self, labels: list[str]) -> Generator[list[Path]]:
-        """Copies of the parts, for the time of the block."""
+    def data(self) -> Generator[Callable[[str], Path]]:
+        """Where a copy of the part of a label is, for the time of the block."""
         with TemporaryDirectory(prefix="ecat-") as scratch:
-            paths = [Path(scratch) / _name(label) for label in labels]
-            for label, path in zip(labels, paths, strict=True):
-                remote.fetch(f"{self.url}/{_name(label)}/{_DATA}", path)
-            yield paths
+
+            def fetched(label: str) -> Path:
+                path = Path(scratch) / _name(label)
+                if not path.exists():
+                    remote.fetch(f"{self.url}/{_name(label)}/{_DATA}", path)
+                return path
+
+            yield fetched
 
     def remove(self) -> None:
         """As of :class:`LocalParts`."""

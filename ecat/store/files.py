@@ -163,9 +163,12 @@ def sync(path: Path) -> None:
 
 def sync_all(paths: Sequence[Path]) -> None:
     """:func:`sync` each of ``paths``, several at a time: a disk can bring many to an end together."""
+    if len(paths) == 1:
+        return sync(paths[0])
     with ThreadPoolExecutor(_SYNCS_AT_ONCE) as pool:
         for _ in pool.map(sync, paths):
             pass
+    return None
 
 
 def rename(source: Path, target: Path) -> None:

@@ -20,6 +20,8 @@ from ecat.store.files import NewFile
 from ecat.tables import ROW_GROUP_ROWS, TABLES
 
 _BUFFER = 1 << 20
+_MANY_ROWS = 1 << 15
+"""Fewer are read sooner than their columns can be handed to other threads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +186,8 @@ def read_groups(file: pq.ParquetFile, bounds: Sequence[Bound], columns: Sequence
     """The rows within all ``bounds``, of them the ``columns`` (all if ``None``), in the order of the file."""
     groups = [i for i in range(file.num_row_groups) if _wanted(file.metadata.row_group(i), bounds)]
     needed = None if columns is None else [*columns, *(b.column for b in bounds if b.column not in columns)]
-    table = file.read_row_groups(groups, columns=needed).unify_dictionaries()
+    many = file.metadata.num_rows >= _MANY_ROWS
+    table = file.read_row_groups(groups, columns=needed, use_threads=many).unify_dictionaries()
     for bound in bounds:
         table = table.filter(bound.mask(table))
     return table if columns is None else table.select(list(columns))

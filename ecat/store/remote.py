@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Generator, Iterable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
@@ -167,6 +167,7 @@ def refuse_taken(url: str) -> None:
     """
     with _typed(f"cannot write {url}", url):
         system, root = open_url(url)
+        _require_bucket(system, root)
         taken = system.exists(root)
     if taken:
         raise ExistsError(
@@ -183,6 +184,7 @@ def send(path: Path, url: str) -> None:
     names = {inner: inner.relative_to(path).as_posix() if inner != path else "" for inner in inside}
     with _typed(f"cannot write {url}", url, f"nothing is left at {url}"):
         system, root = open_url(url)
+        _require_bucket(system, root)
         try:
             # what says what the others are comes last
             for inner in sorted(inside, key=lambda inner: (-names[inner].count("/"), names[inner])):
@@ -192,6 +194,15 @@ def send(path: Path, url: str) -> None:
         except BaseException:
             _forget(system, root)
             raise
+
+
+def _require_bucket(system: Any, root: str) -> None:
+    """Return if there is the bucket to write to, where there are buckets: s3fs makes one of a name that is misspelt."""
+    bucket = root.partition("/")[0]
+    if bucket and not system.exists(bucket):
+        with suppress(FileNotFoundError):
+            system.info(bucket)  # says so, where the store does not answer
+        raise FileNotFoundError(f"there is no bucket {bucket}")
 
 
 def fetch(url: str, path: Path) -> None:

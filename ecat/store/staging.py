@@ -56,9 +56,13 @@ def staged_folder(dest: Path) -> Generator[Path]:
 
 
 @contextmanager
-def staged_path(dest: Path) -> Generator[Path]:
+def staged_path(dest: Path, within: Path | None = None) -> Generator[Path]:
     """A path where nothing is yet; the file or folder that the block makes there appears as ``dest``, complete and
     durable, when it ends; or nothing does.
+
+    Parameters
+    ----------
+    within : a folder on the same disk, for what is being made; by default that of ``dest``.
 
     Raises
     ------
@@ -66,7 +70,7 @@ def staged_path(dest: Path) -> Generator[Path]:
     """
     what, consequence = f"cannot write {dest.name}", f"nothing was written to {dest}"
     place = Path(dest).resolve()
-    staging = place.with_name(f".{place.name}.{secrets.token_hex(8)}.partial")
+    staging = (within or place.parent) / f".{place.name}.{secrets.token_hex(8)}.partial"
     made: list[Path] = []
     try:
         with files.typed_errors(what, dest, consequence):

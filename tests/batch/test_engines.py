@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -42,7 +43,7 @@ def died(task: Task) -> int:
 
 def results(tasks: list[Task], engine: Engine, jobs: int = 2) -> list[int]:
     kept: list[int] = []
-    found = engines.run(square, tasks, jobs=jobs, died=died, keep=kept.append, engine=engine)
+    found = list(engines.run(square, tasks, jobs=jobs, died=died, keep=kept.append, engine=engine))
     assert sorted(kept) == sorted(found)
     return found
 
@@ -96,6 +97,26 @@ def test_processes_do_not_outlive_the_one_that_started_them() -> None:
         assert parent.communicate(timeout=60)[0] == b""
 
 
+@pytest.mark.slow
+def test_whoever_has_enough_ends_the_processes() -> None:
+    work = engines.run(square, [Task(n) for n in range(100)], jobs=2, died=died, keep=lambda _: None)
+    assert [next(work), next(work)] == [0, 1]
+    work.close()
+    assert multiprocessing.active_children() == []
+
+
+def environment(name: str) -> str | None:
+    return os.environ.get(name)
+
+
+@pytest.mark.slow
+def test_processes_have_the_environment_of_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    for value in ("first", "then"):
+        monkeypatch.setenv("ECAT_TEST_PLACE", value)
+        work = engines.run(environment, ["ECAT_TEST_PLACE"], jobs=1, died=str, keep=lambda _: None)
+        assert list(work) == [value]
+
+
 def test_nothing_to_do_takes_no_process() -> None:
     assert results([], "processes") == []
 
@@ -103,7 +124,7 @@ def test_nothing_to_do_takes_no_process() -> None:
 def test_without_ray_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     with pytest.raises(MissingExtraError, match="cannot use --engine ray") as caught:
-        engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray")
+        list(engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray"))
     assert "ecat[ray]" in caught.value.fix
 
 
@@ -118,7 +139,7 @@ def test_a_cluster_that_does_not_start_or_answer_is_said(monkeypatch: pytest.Mon
     monkeypatch.setattr(engines, "_ray", Ray)
     monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
     with pytest.raises(UsageError, match=r"10\.0\.0\.1:6379: The current node timed out"):
-        engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray")
+        list(engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray"))
 
 
 def test_few_tasks_are_done_by_one_process() -> None:

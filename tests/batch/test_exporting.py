@@ -75,7 +75,7 @@ def test_shares_made_apart_and_in_any_order_are_joined_to_the_same(
         report = export_sessions(project, dest, format=FORMAT, shard=Shard(index, 3))
         assert report.sessions == 2
         assert not dest.exists()
-    times = {path: path.stat().st_mtime_ns for path in Path(report.path).rglob("part.json")}
+    times = {path: path.stat().st_mtime_ns for path in Path(report.path).glob("*.json")}
     assert len(times) == 6
     export_sessions(project, dest, format=FORMAT)
     assert tree(dest) == expected
@@ -111,11 +111,11 @@ def test_after_a_kill_the_same_command_goes_on(
     running = subprocess.Popen([*command, "-q"])
     parts = tmp_path / ".out.parts"
     # somewhere in between, if the machine is not too fast
-    while running.poll() is None and not list(parts.glob("*/part.json")):
+    while running.poll() is None and not list(parts.glob("*.json")):
         time.sleep(0.001)
     running.send_signal(signal.SIGKILL)
     running.wait()
-    made = {path: path.stat().st_ino for path in parts.glob("*/part.json")}
+    made = {path: path.stat().st_ino for path in parts.glob("*.json")}
     if dest.exists():
         pytest.skip("it was done before it could be killed")
     assert subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode == 0

@@ -96,6 +96,45 @@ def test_parts_are_joined_in_the_order_of_their_paths(
     assert not (tmp_path / ".out.parts").exists()
 
 
+def test_parts_are_joined_while_others_are_being_made(
+    project: Path, tmp_path: Path, counted: Counted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_when_joined: list[int] = []
+
+    def merge(parts: Sequence[Part], dest: Path, options: Any, progress: Progress) -> tuple[str, ...]:
+        for part in parts:
+            made_when_joined.append(len(counted.made))
+            assert part.path.exists()
+        # what was waited for is there a second time
+        assert [part.label for part in parts] == ["a/one", "b/two", "c/three"]
+        assert parts[-1] == parts[1:][1]
+        return counted.merge(parts, dest, options, progress)
+
+    eager = Format(name="joined", description="", part=counted.part, merge=merge, options=Options)
+    monkeypatch.setattr(registry, "find", lambda name: eager)
+    exporting.write(project, tmp_path / "out", eager, Options())
+    assert made_when_joined == [1, 2, 3]
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, FormatError("cannot join")])
+def test_a_join_that_is_interrupted_leaves_its_parts_and_no_result(
+    project: Path, tmp_path: Path, counted: Counted, failure: BaseException | type[BaseException]
+) -> None:
+    def merge(parts: Sequence[Part], dest: Path, options: Any, progress: Progress) -> tuple[str, ...]:
+        dest.write_text(next(iter(parts)).path.read_text())
+        raise failure
+
+    ending = Format(name="joined", description="", part=counted.part, merge=merge, options=Options)
+    with pytest.raises((KeyboardInterrupt, FormatError)):
+        exporting.write(project, tmp_path / "out", ending, Options())
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".out.parts", "project"]
+    assert not list((tmp_path / ".out.parts").glob("*.partial"))
+    exporting.write(project, tmp_path / "out", registry.find("joined"), Options())
+    # the one that was made before was taken as it is
+    assert counted.made == ["a/one", "b/two", "c/three"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "project"]
+
+
 @pytest.mark.parametrize("change", ["options", "session", "version", "half", "about"])
 def test_a_part_that_does_not_match_is_made_again(
     project: Path, tmp_path: Path, counted: Counted, monkeypatch: pytest.MonkeyPatch, change: str
@@ -113,9 +152,9 @@ def test_a_part_that_does_not_match_is_made_again(
         newer = Format(name="joined", description="", part=counted.part, version="2", options=Options)
         monkeypatch.setattr(registry, "find", lambda name: newer)
     elif change == "half":
-        next((tmp_path / ".out.parts").glob("*/data")).unlink()
+        next(path for path in (tmp_path / ".out.parts").iterdir() if path.suffix != ".json").unlink()
     else:
-        next((tmp_path / ".out.parts").glob("*/part.json")).write_text("[]")
+        next((tmp_path / ".out.parts").glob("*.json")).write_text("[]")
     [again, *_] = exporting.tasks_of(project, dest, chosen, options)
     assert exporting.make_part(again).findings == ("a/one lost its colours",)
     assert counted.made == ["a/one", "a/one"]

@@ -34,7 +34,9 @@ def s3() -> Iterator[str]:
         patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
         patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
         patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
-        fsspec.filesystem("s3", skip_instance_cache=True).mkdir("lab")
+        # of a server before this one, where it was is kept, and here what it held
+        fsspec.get_filesystem_class("s3").clear_instance_cache()
+        fsspec.filesystem("s3").makedirs("lab", exist_ok=True)
         yield "s3://lab"
     running.stop()
 

@@ -5,16 +5,17 @@
     windows.parquet      stretches of moments of equal length, each with the label of its episode
     tables/<name>.parquet the tables of all sessions as they are, with the session's name in front
 
-Parts, which are private, hold the same as Arrow files: most sessions are small, and a small Parquet file takes ten
-times as long to write and to read.
+A part, which is private, holds the same as Arrow streams in one file: most sessions are small, and a small Parquet file
+takes ten times as long to write and to read (:mod:`ecat.formats.datasets.streams`).
 
 What it cannot carry: images, which stay in the sessions (``torch``, ``webdataset`` and ``lerobot`` have them).
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ import pyarrow.parquet as pq
 
 from ecat.errors import InputError
 from ecat.formats.datasets.card import CARD, card
+from ecat.formats.datasets.streams import StreamsReader, StreamsWriter
 from ecat.formats.episode_plan import Plan
 from ecat.formats.episodes import IMAGE_KINDS, Episode, EpisodeOptions, clock_method
 from ecat.formats.format import Format, Part
@@ -35,10 +37,10 @@ from ecat.store import Session, files, write_new_file
 from ecat.tables import TABLES
 
 MOMENTS, WINDOWS = "moments.parquet", "windows.parquet"
-_ABOUT = "about.json"
 _SESSION = pa.field("session", pa.string(), metadata={"meaning": "the session's folder"})
 _FRAMES_AT_ONCE = 1 << 15
 _ROWS_OF_GROUP = 1 << 16
+_BATCHES_AT_ONCE = 256
 _MOMENT = [
     _SESSION,
     pa.field("episode", pa.int64(), metadata={"meaning": "position of the episode in its session"}),
@@ -75,20 +77,19 @@ class TidyOptions(EpisodeOptions):
 def write_part(
     session: Session, label: str, dest: Path, options: TidyOptions, progress: Progress
 ) -> tuple[str, ...]:
-    """Write one session to the folder ``dest``."""
-    files.make_folders(dest / "tables")
-    if options.tables:
-        for name in session.tables:
-            _write_table(session, name, label, dest / "tables" / f"{name}.arrow")
-    try:
-        plan = Plan(session, label, options)
-    except InputError as error:
-        if not options.tables:
-            raise
-        write_new_file(dest / _ABOUT, [json.dumps({"columns": []}).encode()])
-        return (f"no moments: {(error.where or error.what).removeprefix(f'{label}: ')}", *_unseen(session))
-    columns = _write_moments(plan, dest, label, options, progress)
-    write_new_file(dest / _ABOUT, [json.dumps({"columns": columns}).encode()])
+    """Write one session to the file ``dest``."""
+    with StreamsWriter(dest) as out:
+        if options.tables:
+            for name in session.tables:
+                _write_table(session, name, label, out)
+        try:
+            plan = Plan(session, label, options)
+        except InputError as error:
+            if not options.tables:
+                raise
+            why = f"no moments: {(error.where or error.what).removeprefix(f'{label}: ')}"
+            return (why, *_unseen(session))
+        _write_moments(plan, out, label, options, progress)
     return (*plan.findings, *_unseen(session))
 
 
@@ -99,17 +100,13 @@ def _unseen(session: Session) -> Iterator[str]:
         yield f"streams left behind: {', '.join(streams)}"
 
 
-def _write_table(session: Session, name: str, label: str, path: Path) -> None:
+def _write_table(session: Session, name: str, label: str, out: StreamsWriter) -> None:
     schema = plain_schema(name)
-    with _part_writer(path, schema) as out:
+    with out.stream(f"tables/{name}.parquet", schema) as stream:
         for rows in _rows(session, name):
-            columns: list[Any] = [pa.array([label] * rows.num_rows, pa.string())]
+            columns: list[Any] = [pa.repeat(label, rows.num_rows)]
             columns += [_plain(rows[field.name], field.type) for field in list(schema)[1:]]
-            out.write_table(pa.table(columns, schema=schema))
-
-
-def _part_writer(path: Path, schema: pa.Schema) -> Any:
-    return pa.ipc.new_file(str(path), schema, options=pa.ipc.IpcWriteOptions(compression="lz4"))
+            stream.write_table(pa.table(columns, schema=schema))
 
 
 def _rows(session: Session, name: str) -> Iterator[pa.Table]:
@@ -150,23 +147,22 @@ def _plain(column: Any, kind: pa.DataType) -> Any:
     return column.cast(kind)
 
 
-def _write_moments(plan: Plan, dest: Path, label: str, options: TidyOptions, progress: Progress) -> list[str]:
-    columns: list[str] = []
-    moments: Any = None
-    with _part_writer((dest / WINDOWS).with_suffix(".arrow"), _WINDOW) as windows:
-        try:
-            for number, episode in enumerate(plan.episodes()):
-                progress(label, number, len(plan))
-                table = _moments(episode)
-                if moments is None:
-                    columns = table.schema.names[len(_MOMENT) :]
-                    moments = _part_writer((dest / MOMENTS).with_suffix(".arrow"), table.schema)
-                moments.write_table(table)
-                windows.write_table(_windows(episode, options))
-        finally:
-            if moments is not None:
-                moments.close()
-    return columns
+def _write_moments(
+    plan: Plan, out: StreamsWriter, label: str, options: TidyOptions, progress: Progress
+) -> None:
+    windows: list[pa.Table] = []
+    with ExitStack() as stack:
+        moments: Any = None
+        for number, episode in enumerate(plan.episodes()):
+            progress(label, number, len(plan))
+            table = _moments(episode)
+            if moments is None:
+                moments = stack.enter_context(out.stream(MOMENTS, table.schema))
+            moments.write_table(table)
+            windows.append(_windows(episode, options))
+    with out.stream(WINDOWS, _WINDOW) as stream:
+        for table in windows:
+            stream.write_table(table)
 
 
 def _about(episode: Episode, n: int) -> list[Any]:
@@ -213,52 +209,90 @@ def _windows(episode: Episode, options: TidyOptions) -> pa.Table:
 
 
 def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Progress) -> tuple[str, ...]:
-    """Join the files of all sessions, a row group of many at a time; moments by the names of their columns."""
+    """Join the streams of all sessions, a row group of many at a time; moments by the names of their columns.
+
+    Every part is read as soon as it is there; its moments are read once more when all are, as their columns are those
+    of any part.
+    """
     files.make_folders(dest / "tables")
-    columns: list[str] = []
-    for part in parts:
-        said = json.loads((part.path / _ABOUT).read_bytes())["columns"]
-        columns += [name for name in said if name not in columns]
-    moments = pa.schema([*_MOMENT, *(pa.field(name, pa.float32()) for name in columns)])
-    schemas = {MOMENTS: moments, WINDOWS: _WINDOW} | {
-        f"tables/{name}.parquet": plain_schema(name) for name in TABLES
-    }
-    rows: dict[str, int] = {}
-    for done, (name, schema) in enumerate(schemas.items()):
-        progress("joining", done, len(schemas))
-        found = [path for part in parts if (path := (part.path / name).with_suffix(".arrow")).exists()]
-        if found:
-            rows[name] = _join(found, dest / name, schema)
+    schemas = {f"tables/{name}.parquet": plain_schema(name) for name in TABLES} | {WINDOWS: _WINDOW}
+    outs: dict[str, _Joined] = {}
+    columns: dict[str, pa.Field[Any]] = {}
+    with ExitStack() as stack, ThreadPoolExecutor() as others:
+        for part in parts:
+            with StreamsReader(part.path) as streams:
+                for name in streams.names:
+                    if name == MOMENTS:
+                        columns |= {field.name: field for field in streams.schema(name)}
+                        continue
+                    if name not in outs:
+                        outs[name] = stack.enter_context(_Joined(dest / name, schemas[name]))
+                    outs[name].extend(streams.batches(name))
+        ends = [others.submit(out.finish) for out in outs.values()]
+        if columns:
+            outs[MOMENTS] = stack.enter_context(_Joined(dest / MOMENTS, pa.schema(columns.values())))
+            _join_moments(parts, outs[MOMENTS], progress)
+            outs[MOMENTS].finish()
+        for end in ends:
+            end.result()
+    rows = {name: outs[name].rows for name in (MOMENTS, WINDOWS, *schemas) if name in outs}
     text = card(rows, len(parts), clock_method(options), asdict(options))
     write_new_file(dest / CARD, [text.encode()])
     return ()
 
 
-def _join(sources: Sequence[Path], dest: Path, schema: pa.Schema) -> int:
-    n_rows = 0
-    gathered: list[pa.Table] = []
-    with pq.ParquetWriter(dest, schema, compression="zstd") as out:
-        for rows in _batches(sources):
-            columns = [
-                rows[field.name] if field.name in rows.schema.names else pa.nulls(rows.num_rows, field.type)
-                for field in schema
-            ]
-            gathered.append(pa.table(columns, schema=schema))
-            n_rows += rows.num_rows
-            if sum(table.num_rows for table in gathered) >= _ROWS_OF_GROUP:
-                out.write_table(pa.concat_tables(gathered))
-                gathered.clear()
-        if gathered:
-            out.write_table(pa.concat_tables(gathered))
-    return n_rows
+def _join_moments(parts: Sequence[Part], out: _Joined, progress: Progress) -> None:
+    for done, part in enumerate(parts):
+        progress("joining", done, len(parts))
+        with StreamsReader(part.path) as streams:
+            if MOMENTS in streams.names:
+                out.extend(_with_columns(rows, out.schema) for rows in streams.batches(MOMENTS))
 
 
-def _batches(sources: Sequence[Path]) -> Iterator[pa.RecordBatch]:
-    for source in sources:
-        # not mapped: what was read is kept after the file is closed
-        with pa.OSFile(str(source), "rb") as opened, pa.ipc.open_file(opened) as file:
-            for i in range(file.num_record_batches):
-                yield file.get_batch(i)
+def _with_columns(rows: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
+    columns = [
+        rows[field.name] if field.name in rows.schema.names else pa.nulls(rows.num_rows, field.type)
+        for field in schema
+    ]
+    return pa.record_batch(columns, schema=schema)
+
+
+class _Joined(AbstractContextManager["_Joined"]):
+    """A Parquet file with row groups of many small batches."""
+
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self.schema, self.rows = schema, 0
+        self._out = pq.ParquetWriter(path, schema, compression="zstd")
+        self._gathered: list[pa.RecordBatch] = []
+        self._waiting = 0
+
+    def extend(self, batches: Iterable[pa.RecordBatch]) -> None:
+        """Write these rows behind the others."""
+        for rows in batches:
+            self._gathered.append(rows)
+            self._waiting += rows.num_rows
+            if self._waiting >= _ROWS_OF_GROUP:
+                self._write()
+            elif len(self._gathered) >= _BATCHES_AT_ONCE:
+                # a batch of a few rows takes kilobytes
+                self._gathered = (
+                    pa.Table.from_batches(self._gathered, self.schema).combine_chunks().to_batches()
+                )
+
+    def finish(self) -> None:
+        """Write what is left."""
+        self._write()
+        self._out.close()
+
+    def _write(self) -> None:
+        if self._gathered:
+            self._out.write_table(pa.Table.from_batches(self._gathered, self.schema))
+        self.rows += self._waiting
+        self._gathered.clear()
+        self._waiting = 0
+
+    def __exit__(self, *failure: object) -> None:
+        self._out.close()
 
 
 FORMAT = Format(
@@ -267,5 +301,5 @@ FORMAT = Format(
     part=write_part,
     merge=merge,
     options=TidyOptions,
-    version="2",
+    version="3",
 )
