@@ -187,4 +187,44 @@ def proposed_layer(
         for name, box in zip(box_objects(objects, prototypes), prototypes, strict=True)
         if name in seen.difference(thing.id for thing in objects)
     )
-    return machine_layer(table("relation_proposals"), table("event_proposals"), objects, tracked)
+    layer = machine_layer(table("relation_proposals"), table("event_proposals"), objects, tracked)
+    return layer if session.manifest.layer(MACHINE) is None else with_others(layer, session.layer(MACHINE))
+
+
+def with_others(layer: Layer, old: Layer) -> Layer:
+    """A layer just made, and behind its proposals those of the ``old`` one that others than the stages made.
+
+    These get new ids, as the stages number theirs from one.
+    """
+    events = [event for event in old.events if _is_of_others(event.author)]
+    relations = [relation for relation in old.relations if _is_of_others(relation.author)]
+    ids = {event.id: f"a{layer.event_counter + number}" for number, event in enumerate(events, 1)}
+    there = {thing.id for thing in layer.objects}
+    taking_part = {role.target.split("/")[0] for event in events for role in event.roles}
+    taking_part |= {target for relation in relations for target in relation.targets}
+    objects = (thing for thing in old.objects if thing.id in taking_part - there)
+    joined = replace(
+        layer,
+        event_counter=layer.event_counter + len(events),
+        objects=tuple(sorted((*layer.objects, *objects), key=lambda thing: thing.id)),
+        events=(*layer.events, *(_renamed(event, ids) for event in events)),
+        relations=(*layer.relations, *(replace(relation, id="") for relation in relations)),
+    )
+    return with_relation_ids(replace(joined, object_counter=len(joined.objects)))
+
+
+def _is_of_others(author: str) -> bool:
+    from ecat.stages.propose import PROPOSE
+    from ecat.stages.relations import RELATIONS
+
+    return bool(author) and not author.startswith((f"ecat {PROPOSE.name} ", f"ecat {RELATIONS.name} "))
+
+
+def _renamed(event: Event, ids: Mapping[str, str]) -> Event:
+    roles = (
+        replace(role, target=ids.get(role.target, role.target)) if role.kind == "event" else role
+        for role in event.roles
+    )
+    links = (replace(link, target=ids.get(link.target, link.target)) for link in event.links)
+    parent = ids.get(event.parent) if event.parent else None
+    return replace(event, id=ids[event.id], parent=parent, roles=tuple(roles), links=tuple(links))

@@ -7,8 +7,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from ecat.model import AnnotatedObject, KeyFrame, Layer
-from ecat.process.proposals import machine_layer
+from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Relation, Role, Segment
+from ecat.model.annotation import Argument, with_relation_ids
+from ecat.process.proposals import machine_layer, with_others
 from ecat.sample import sample_session
 from ecat.stages.propose import PROPOSE
 from ecat.stages.relations import RELATIONS
@@ -120,6 +121,41 @@ def test_without_a_hand_there_is_no_agent() -> None:
 
 def test_nothing_proposed_is_an_empty_layer() -> None:
     assert machine_layer(None, None, OBJECTS) == Layer(name="machine")
+
+
+def test_what_others_proposed_stays_behind_what_is_proposed_anew() -> None:
+    span, shell = Segment(start_frame=0, end_frame=9), Argument(target="o2")
+    theirs = Layer(
+        name="machine",
+        event_counter=2,
+        objects=(OBJECTS[1], OBJECTS[4]),
+        events=(
+            Event(id="a1", type="pull", status="proposed", author="a model", segments=(span,)),
+            Event(
+                id="a2",
+                type="hold",
+                parent="a1",
+                status="proposed",
+                author="a model",
+                roles=(Role(name="Cause", target="a1", kind="event"), Role(name="Theme", target="o9")),
+            ),
+        ),
+        relations=(Relation(predicate="n", start_frame=1, author="a model", arguments=(shell,)),),
+    )
+    old = with_others(layer(), with_relation_ids(theirs))
+    made = with_others(layer(), old)
+    assert made == old
+    assert made.events[: layer().event_counter] == layer().events
+    pulled, held = made.events[layer().event_counter :]
+    assert (pulled.id, pulled.type, pulled.author) == ("a6", "pull", "a model")
+    assert (held.id, held.parent, held.roles[0].target, made.event_counter) == ("a7", "a6", "a6", 7)
+    assert [relation.predicate for relation in made.relations] == ["ON", "n"]
+    assert len({relation.id for relation in made.relations}) == 2
+    assert [thing.id for thing in made.objects] == ["o1", "o2", "o3", "o4", "o9"]
+
+
+def test_what_the_stages_proposed_before_does_not_stay() -> None:
+    assert with_others(Layer(name="machine"), layer()) == Layer(name="machine")
 
 
 def test_the_layer_survives_the_session_and_its_tables(tmp_path: Path) -> None:
