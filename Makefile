@@ -8,10 +8,10 @@ PY := $(VENV)/bin/python
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format bench docs golden fuzz clean
+.PHONY: help demo test check format bench docs results-ch4 golden fuzz clean
 
 help:  ## say what there is
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 16
+	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /  make \1\t/' | expand -t 20
 
 demo: $(VENV)/.installed  ## import a sample recording, place its blocks, check it, look at it, export it again
 	$(VENV)/bin/ecat demo
@@ -30,13 +30,16 @@ format: $(VENV)/.installed-dev  ## format the code and mend what the linter can 
 	$(PY) -m ruff format .
 
 bench: $(VENV)/.installed-test  ## measure the speed of the parts
-	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+	@for script in $(filter-out benchmarks/results_%,$(wildcard benchmarks/[a-z]*.py)); do echo "== $$script"; $(PY) $$script || exit 1; done
 
 docs: $(VENV)/.installed  ## write docs/cli.md, the README's formats, schemas/ and web/openapi.json anew from the code
 	$(PY) -m ecat.cli.reference > docs/cli.md.new && mv docs/cli.md.new docs/cli.md
 	$(PY) -m ecat.cli.reference README.md
 	$(PY) -m ecat.schemas
 	$(PY) -m ecat.web.openapi > web/openapi.json.new && mv web/openapi.json.new web/openapi.json
+
+results-ch4: $(VENV)/.installed-dev  ## train the recognisers of thesis chapter 4 and ours, and print the table (EXPORTS, RUN, RESULTS)
+	$(PY) benchmarks/results_ch4.py $(or $(EXPORTS),../shared/data/actions_ch4/xml) --run $(or $(RUN),build/results-ch4) $(RESULTS)
 
 golden: $(VENV)/.installed-test  ## accept what the code writes now as the expected output of the tests
 	$(PY) -m pytest --update-golden

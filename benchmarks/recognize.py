@@ -1,6 +1,6 @@
 """The recogniser of actions: seconds of training, windows per second, size of the model.
 
-    python benchmarks/recognize.py DIR [--trees 200]
+    python benchmarks/recognize.py DIR [--trees 150]
 
 DIR holds learning exports.  Times are of processors, of all cores together, and by the clock.
 """

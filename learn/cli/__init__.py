@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from ecat.cli.verb import Group
+from learn.cli.features import features
 from learn.cli.qsr import qsr
 from learn.cli.recognize import recognize
+from learn.cli.recognize_predict import predict
 
 learn = Group(
     "learn",
-    [qsr],
+    [qsr, features],
     """Learn from sessions, and compute what learners are fed.""",
     examples=("ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",),
 )
+recognize.add_command(predict)
 learn.add_command(recognize)

@@ -17,6 +17,9 @@ from ecat.cli.verb import verb
 from ecat.errors import UsageError
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from ecat.store import Session
     from learn.features.qsr import Relation
 
 NAMES = (
@@ -32,12 +35,15 @@ NAMES = (
         "ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",
         "ecat learn qsr tracks.parquet --relation argd --thresholds close=0.1,near=0.5,far=2 -o argd.parquet",
         "ecat learn qsr tracks.parquet --relation qtccs --quantisation 0.01 --collapse --validate -o qtc.parquet",
+        'ecat learn qsr my_session --relation cardir --of "Shell,Stella Artois" -o cardir.parquet',
+        "ecat learn qsr my_session --relation qtccs --quantisation 0.003 --propose",
     ),
 )
 @click.argument(
     "tracks",
     type=click.Path(path_type=Path),
-    help="A Parquet file with the columns track, frame, x1, y1, x2, y2; for boxes w1, h1, w2, h2; for tpcc x3, y3.",
+    help="A Parquet file with the columns track, frame, x1, y1, x2, y2; for boxes w1, h1, w2, h2; for tpcc x3, y3.  "
+    "Or a session with poses.",
 )
 @click.option("--relation", type=click.Choice(NAMES), required=True, help="What to compute.")
 @click.option(
@@ -45,7 +51,6 @@ NAMES = (
     "-o",
     "dest",
     type=click.Path(path_type=Path),
-    required=True,
     metavar="FILE",
     help="The Parquet file to write.",
 )
@@ -87,12 +92,25 @@ NAMES = (
 @click.option(
     "--seed", type=int, metavar="N", help="Of argprobd, as of Python's random.seed; 0 if not given."
 )
+@click.option(
+    "--of",
+    multiple=True,
+    metavar="A,B",
+    help="Of a session, objects by id or name; may be repeated.  All in every order if not given.",
+)
+@click.option("--propose", is_flag=True, help="Of a session, write relations into its layer machine.")
+@click.option(
+    "--least",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Propose what holds for at least so many frames; 5 if not given.",
+)
 def qsr(
     out: Output,
     *,
     tracks: Path,
     relation: str,
-    dest: Path,
+    dest: Path | None,
     collapse: bool,
     validate: bool,
     object_: int | None,
@@ -108,21 +126,50 @@ def qsr(
     Relations of movement (mos and qtc) are told at the later of two frames, so the first frame of a track has no row.
     With --collapse or --validate, frame is the place of a state in the chain of its track, from 1, and what is not
     known has no place.  Values are as QSRLib prints them: qtccs "-,0,+,0", ra "<,mi".
+
+    Of a session, the relation is that of its objects seen from above, on the table; the result has a row for each
+    frame of each pair, with the columns a, b, c, relation and value.  With --propose, what holds for some frames
+    becomes a relation in the layer machine, with the predicate cardir=ne, as what `ecat process` proposes; those of the
+    same relation that were proposed before are replaced.
     """
-    from learn.features.qsr.files import write_relation
+    from ecat.store.manifest import SESSION_FILE
     from learn.features.qsr.tracks import relation_named
 
-    found = relation_named(relation, collapse=collapse, validate=validate)
-    if object_ is not None and found.objects != 1:
-        raise _not_of(found, "object")
-    parameters = _parameters(found, given)
+    of_session = {name: given.pop(name) for name in ("of", "propose", "least")}
+    found, chained = relation_named(relation, collapse=collapse, validate=validate), (collapse, validate)
+    if (tracks / SESSION_FILE).is_file():
+        _of_session(out, tracks, dest, found, given, object_=object_, chained=chained, **of_session)
+    elif dest is None or any(of_session.values()):
+        wrong = "--of, --propose and --least are about sessions" if dest else "no file to write is given"
+        fix = "give a session, or -o FILE"
+        raise UsageError(f"cannot compute {relation} of {tracks}", where=wrong, fix=fix)
+    else:
+        _of_file(out, tracks, dest, found, given, object_=object_, chained=chained)
+
+
+def _of_file(
+    out: Output,
+    tracks: Path,
+    dest: Path,
+    relation: Relation,
+    given: Mapping[str, Any],
+    *,
+    object_: int | None,
+    chained: tuple[bool, bool],
+) -> None:
+    from learn.features.qsr.files import write_relation
+
+    if object_ is not None and relation.objects != 1:
+        raise _not_of(relation, "object")
+    parameters = _parameters(relation, given)
+    collapse, validate = chained
     with out.progress() as progress:
         written = write_relation(
             tracks,
             dest,
-            found,
+            relation,
             parameters,
-            objects=(object_ or 1,) if found.objects == 1 else (1, 2, 3),
+            objects=(object_ or 1,) if relation.objects == 1 else (1, 2, 3),
             collapse=collapse,
             validate=validate,
             progress=progress,
@@ -132,6 +179,83 @@ def qsr(
         text += f"; {written.missing:,} without a value, where a position is not known"
     data = {"path": str(dest), "rows": written.rows, "tracks": written.tracks, "missing": written.missing}
     out.result(data, text)
+
+
+def _of_session(
+    out: Output,
+    path: Path,
+    dest: Path | None,
+    relation: Relation,
+    given: Mapping[str, Any],
+    *,
+    object_: int | None,
+    chained: tuple[bool, bool],
+    of: tuple[str, ...],
+    propose: bool,
+    least: int | None,
+) -> None:
+    """Write a session's qualitative track to a file, into its machine's layer, or both."""
+    from ecat.store import open_session
+    from learn.features.qsr import qualitative_tracks
+    from learn.features.qsr.intervals import LEAST, author_of, relations_of
+    from learn.recognize.proposals import replace_proposals
+
+    what = f"cannot compute {relation.name} of {path}"
+    if dest is None and not propose:
+        raise UsageError(what, where="it is not said where to write it", fix="-o FILE, --propose, or both")
+    if object_ is not None or (propose and any(chained)) or (least and not propose):
+        where = "--object is about files, --least about --propose, and states of a chain have no frames to propose"
+        raise UsageError(what, where=where, fix="leave it out")
+    session = open_session(path)
+    collapse, validate = chained
+    track = qualitative_tracks(
+        session,
+        relation.name,
+        of=_objects_of(session, of),
+        sizes_m=_sizes(session),
+        collapse=collapse,
+        validate=validate,
+        **_parameters(relation, given),
+    )
+    data: dict[str, Any] = {"session": str(path), "rows": track.num_rows}
+    said: list[str] = []
+    if dest is not None:
+        _write_track(track, dest)
+        data["path"] = str(dest)
+        said.append(f"wrote {count(track.num_rows, 'row')} to {dest}")
+    if propose:
+        found = relations_of(session, track, least=least or LEAST)
+        replaced = replace_proposals(session, author_of(relation.name), relations=found)
+        data |= {"proposed": replaced.added, "removed": replaced.removed, "kept": replaced.kept}
+        said.append(f"proposed {count(replaced.added, 'relation')} in {path}")
+    out.result(data, "\n".join(said))
+
+
+def _objects_of(session: Session, of: tuple[str, ...]) -> list[tuple[str, ...]] | None:
+    """Ids for ids or names; what is neither is left for the relation to refuse."""
+    ids = {row["name"]: row["object_id"] for row in session.objects.to_arrow().to_pylist() if row["name"]}
+    return [tuple(ids.get(word.strip(), word.strip()) for word in words.split(",")) for words in of] or None
+
+
+def _sizes(session: Session) -> dict[str, tuple[float, float, float]]:
+    """Edges of the session's boxes, by object."""
+    from ecat.process import kept_prototypes
+    from ecat.process.inputs import annotated_objects, box_objects
+
+    boxes = kept_prototypes(session)
+    return {
+        name: box.size_m
+        for name, box in zip(box_objects(annotated_objects(session), boxes), boxes, strict=True)
+    }
+
+
+def _write_track(track: pa.Table, dest: Path) -> None:
+    import pyarrow.parquet as pq
+
+    from ecat.store import staged_file
+
+    with staged_file(dest) as staging:
+        pq.write_table(track, staging, compression="zstd", store_schema=False)
 
 
 def _parameters(relation: Relation, given: Mapping[str, Any]) -> dict[str, Any]:

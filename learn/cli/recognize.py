@@ -28,13 +28,39 @@ RUN = click.option(
     metavar="RUN",
     help="The folder of the run: model, settings, figures.",
 )
+MODEL = click.option(
+    "--model",
+    type=click.Choice(
+        (
+            *("trees", "mlp", "quant-lstm", "quant-lstm-crf", "qual-lstm-crf", "sparse-lstm-crf"),
+            *("hmm", "lds", "neural", "mixture"),
+        )
+    ),
+    default="mixture",
+    show_default=True,
+    help="Boosted trees, one of the thesis, a generative one, a network of raw points, or it and the trees together.",
+)
 TREES = click.option(
     "--trees",
     type=click.IntRange(1, 5000),
-    default=200,
-    show_default=True,
     metavar="N",
-    help="Trees in each of the two forests.",
+    help="Of trees: how many of each class in each model.",
+)
+EPOCHS = click.option(
+    "--epochs",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Of a network: how often it sees every window.",
+)
+HIDDEN = click.option(
+    "--hidden", type=click.IntRange(1, 4096), metavar="N", help="Of a network: units of a layer."
+)
+LAYERS = click.option("--layers", type=click.IntRange(1, 8), metavar="N", help="Of an LSTM: layers.")
+VALIDATION = click.option(
+    "--validation",
+    type=click.FloatRange(0, 0.5),
+    metavar="SHARE",
+    help="Of a network: share of the sessions that say when to stop; 0 trains for all epochs.",
 )
 
 
@@ -42,7 +68,8 @@ TREES = click.option(
     "train",
     examples=(
         "ecat learn recognize train exports --run runs/first",
-        "ecat learn recognize train exports --run runs/quick --trees 50 --seed 3",
+        "ecat learn recognize train exports --run runs/quick --model trees --trees 50 --seed 3",
+        "ecat learn recognize train exports --run runs/neural --model neural",
     ),
 )
 @SOURCE
@@ -55,31 +82,43 @@ TREES = click.option(
     metavar="N",
     help="The same seed grows the same trees.",
 )
+@MODEL
 @TREES
-def train(out: Output, *, source: Path, run: Path, seed: int, trees: int) -> None:
+@EPOCHS
+@HIDDEN
+@LAYERS
+@VALIDATION
+def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> None:
     """Train a recogniser on all sessions of a folder.
 
-    RUN gets config.json (features, settings, labels), metrics.json (what it was trained on) and model.npz (the trees,
-    as arrays: reading it executes nothing).  A folder in which there is a model is refused.
+    RUN gets config.json (features, settings, labels), metrics.json (what it was trained on, and how that went), and
+    the model as arrays: reading it executes nothing.  A folder in which there is a model is refused.  The training of
+    a network is kept after every epoch, and the same command goes on where it was interrupted; its learning curves
+    and, where sessions were set aside for validation, the confusions in them become pictures.
     """
     import time
 
     from learn.recognize.dataset import read_exports
-    from learn.recognize.model import Settings, refuse_taken, save
-    from learn.recognize.model import train as trained
+    from learn.recognize.model import refuse_taken
+    from learn.recognize.runs import finish, save
+    from learn.recognize.runs import train as trained
 
     refuse_taken(run)
+    options = _options(model, **said)
     started = time.monotonic()
     with out.progress() as progress:
         sessions = read_exports(source, progress)
-        recognizer = trained(sessions, Settings(n_trees=trees, seed=seed), progress)
+        recognizer, course = trained(model, sessions, options, run=run, progress=progress)
         save(recognizer, run)
     metrics: dict[str, Any] = {
+        "model": model,
         "sessions": len(sessions),
         "windows": sum(len(session.labels) for session in sessions),
-        "labels": len(recognizer.vocabulary),
+        "labels": len({tuple(label) for session in sessions for label in session.labels.tolist()}),
         "training_s": round(time.monotonic() - started, 1),
+        **course,
     }
+    metrics |= finish(recognizer, sessions, course, run)
     _write_json(metrics, run / "metrics.json")
     text = (
         f"trained on {count(metrics['windows'], 'window')} of {count(len(sessions), 'session')}; wrote {run}"
@@ -101,21 +140,26 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
 
     Shares of windows are printed whose whole label is right (tuple), and each slot of it: of windows alone, which see
     20 frames, and with context, which see their session.  RUN/predictions.parquet gets a row for each window with its
-    true and its predicted slots and how probable these are; RUN/evaluation.json the figures.  They say something only
-    about sessions that the recogniser was not trained on.
+    true and its predicted slots and how probable these are; RUN/evaluation.json the figures, and pictures show what was
+    taken for what.  They say something only about sessions that the recogniser was not trained on.
     """
     from learn.recognize.dataset import read_exports
-    from learn.recognize.evaluation import PREDICTIONS, predicted, scores, write_predictions
-    from learn.recognize.model import load
+    from learn.recognize.evaluation import PREDICTIONS, predicted, scores, trained_on, write_predictions
+    from learn.recognize.runs import load
 
     recognizer = load(run)
     with out.progress() as progress:
         sessions = read_exports(source, progress)
         found = predicted(sessions, recognizer.recognize([session.points for session in sessions]))
     write_predictions(found, run / PREDICTIONS)
-    result = scores(found)
+    _draw(found, run)
+    known = len(trained_on(recognizer, sessions))
+    result = {**scores(found), "trained_on_count": known}
     _write_json(result, run / "evaluation.json")
-    out.result({"run": str(run), **result}, _table(result))
+    note = (
+        f"\n{count(known, 'session')} of these were trained on: figures of them say nothing" if known else ""
+    )
+    out.result({"run": str(run), **result}, _table(result) + note)
 
 
 @verb(
@@ -123,6 +167,7 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
     examples=(
         "ecat learn recognize crossval exports --run runs/folds",
         "ecat learn recognize crossval exports --run runs/blocks --folds blocks --seeds 3",
+        "ecat learn recognize crossval exports --run runs/lstm --model qual-lstm-crf --hidden 64",
     ),
 )
 @SOURCE
@@ -143,28 +188,60 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
     metavar="N",
     help="Repeat with the seeds 0 to N - 1.",
 )
+@click.option(
+    "--share",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=1.0,
+    metavar="SHARE",
+    help="Learn from so many of all sessions, four fifths at most.",
+)
+@MODEL
 @TREES
-def crossval(out: Output, *, source: Path, run: Path, kind: Any, seeds: int, trees: int) -> None:
-    """Say how good the recogniser is on sessions it has not seen, by five folds that are always the same.
+@EPOCHS
+@HIDDEN
+@LAYERS
+@VALIDATION
+def crossval(
+    out: Output, *, source: Path, run: Path, kind: Any, seeds: int, share: float, model: str, **said: Any
+) -> None:
+    """Say how good a recogniser is on sessions it has not seen, by five folds that are always the same.
 
     Each fifth of the sessions is recognised by what was trained on the other four; nothing is fitted to a session that
-    is tested.  RUN gets crossval.json (with baselines, and without the sessions whose labels look inverted),
-    predictions.parquet and a picture of the confusions.
+    is tested.  RUN gets crossval.json (with baselines for trees; also without the sessions whose labels look
+    inverted), predictions.parquet and pictures of the confusions.  Folds of all but trees are kept in RUN/folds: the
+    same command goes on where it was interrupted.
     """
+    from dataclasses import replace
+
+    from learn.recognize.crossval import cross_validate_model
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import PREDICTIONS, cross_validate, write_predictions
-    from learn.recognize.model import Settings
 
+    options = _options(model, **said)
     with out.progress() as progress:
         sessions = read_exports(source, progress)
-        result, found = cross_validate(
-            sessions, kind, seeds=range(seeds), settings=Settings(n_trees=trees), progress=progress
-        )
+        if model == "trees":
+            result, found = cross_validate(
+                sessions,
+                kind,
+                seeds=range(seeds),
+                settings=options.of_trees(),
+                share=share,
+                progress=progress,
+            )
+        else:
+            repeated = [replace(options, seed=seed) for seed in range(seeds)]
+            result, found = cross_validate_model(
+                sessions, model, kind, repeated, share=share, keep=run / "folds", progress=progress
+            )
     write_predictions(found, run / PREDICTIONS)
     _draw(found, run)
     _write_json(result, run / "crossval.json")
     lines = [_table(result["runs"]["0"])]
-    lines += [f"{name:<24}{100 * one['tuple']:6.1f}  (baseline)" for name, one in result["baselines"].items()]
+    lines += [
+        f"{name:<24}{100 * one['tuple']:6.1f}  (baseline)"
+        for name, one in result.get("baselines", {}).items()
+    ]
     lines += [
         f"{way}: {100 * result['mean'][way]:.1f} +- {100 * result['spread'][way]:.1f} over {count(seeds, 'seed')}"
         for way in result["mean"]
@@ -205,6 +282,21 @@ recognize = Group(
     """Recognise who does what to which box, window by window.""",
     examples=("ecat learn recognize train exports --run runs/first",),
 )
+
+
+def _options(model: str, **said: Any) -> Any:
+    """Refuse what the model has no use for."""
+    from ecat.errors import UsageError
+    from learn.recognize.runs import Options
+
+    network = model not in ("trees", "hmm", "lds")
+    known = {"seed": True, "trees": model in ("trees", "mixture"), "layers": "lstm" in model}
+    for name, value in said.items():
+        if value is not None and not known.get(name, network):
+            raise UsageError(
+                f"cannot train a {model}", where=f"it has no --{name}", fix="leave the option out"
+            )
+    return Options(**{name: value for name, value in said.items() if value is not None})
 
 
 def _draw(found: Predicted, run: Path) -> None:

@@ -11,14 +11,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.errors import InputError
-from ecat.store import Session
 from learn.features import qsr
-from learn.features.points import JOINTS, KINECT_FROM_CAMERA, N_POINTS
+from learn.features.points import JOINTS
 
 Floats = NDArray[np.float64]
 Small = NDArray[np.int8]
@@ -184,44 +181,6 @@ def event75(windows: Small) -> Small:
     return np.concatenate([first, last, last - first], axis=-1)
 
 
-def points_of(session: Session) -> Floats:
-    """The frames (n, 21, 3) of a session: the first body's joints, and one marker of each of two boxes.
-
-    Of several markers of a box in a frame, the first; NaN where something was not seen.  Metres, in the axes of the
-    Kinect's own camera space: x to its left, y up, z forward.
-
-    Raises
-    ------
-    InputError : no skeleton, or not two boxes.
-    """
-    found = np.full((session.manifest.n_frames or 0, N_POINTS, 3), np.nan)
-    joints = session.table("joints").to_arrow() if session.has_table("joints") else None
-    marks = session.table("markers_3d").to_arrow() if session.has_table("markers_3d") else None
-    if joints is None or not joints.num_rows:
-        raise _unfit(session, "there are no joints", "import the skeleton with the session")
-    boxes: list[str] = [] if marks is None else sorted(set(_texts(marks, "object_id").tolist()))
-    if marks is None or len(boxes) != 2:
-        where = f"there are {len(boxes)} objects with markers in space: {', '.join(boxes) or 'none'}"
-        raise _unfit(session, where, "give a session in which two boxes are handled")
-    joints = joints.filter(pc.equal(joints["body"], pc.min(joints["body"])))
-    name = _texts(joints, "joint")
-    for place, joint in enumerate(JOINTS):
-        mine = joints.filter(pa.array(name == joint, pa.bool_()))
-        found[mine["frame"].to_numpy(), place] = np.array([mine[axis].to_numpy() for axis in "xyz"]).T
-    named = _texts(marks, "object_id")
-    for number, box in enumerate(boxes):
-        mine = marks.filter(pa.array(named == box, pa.bool_()))
-        frame, first = np.unique(mine["frame"].to_numpy(), return_index=True)
-        for corner in range(4):
-            place = np.array([mine[f"{axis}{corner}"].to_numpy()[first] for axis in "xyz"]).T
-            found[frame, len(JOINTS) + 4 * number + corner] = place
-    return found * KINECT_FROM_CAMERA
-
-
-def _texts(table: pa.Table, name: str) -> NDArray[np.str_]:
-    return np.array(table[name].cast(pa.string()).to_pylist(), np.str_)
-
-
 def _require_known(points: Floats) -> None:
     place, frame, _ = np.nonzero(~np.isfinite(points))
     if len(frame):
@@ -232,12 +191,3 @@ def _require_known(points: Floats) -> None:
             consequence="nothing was computed",
             fix="fill the gap, or leave the session out",
         )
-
-
-def _unfit(session: Session, where: str, fix: str) -> InputError:
-    return InputError(
-        f"cannot compute features of session {session.name}",
-        where=where,
-        consequence="nothing was computed",
-        fix=fix,
-    )

@@ -9,8 +9,8 @@ import numpy as np
 
 from learn.features.windows import fit_table
 from learn.recognize.dataset import SLOTS, LabelledSession, Labels
-from learn.recognize.forest import library
 from learn.recognize.model import features_of
+from learn.recognize.trees import library
 
 Baseline = Callable[[Sequence[LabelledSession], Sequence[LabelledSession]], Labels]
 """Labels (w, 5) of all windows of the second, by what was learned from the first."""
@@ -32,7 +32,7 @@ def marginals(known: Sequence[LabelledSession], tested: Sequence[LabelledSession
 def logistic(known: Sequence[LabelledSession], tested: Sequence[LabelledSession]) -> Labels:
     """Multinomial logistic regression of whole labels on the same features of a window, not augmented."""
     table = fit_table(np.concatenate([session.points for session in known]))
-    features, others = (features_of([one.points for one in part], table)[0] for part in (known, tested))
+    features, others = (features_of([one.points for one in part], table) for part in (known, tested))
     mean, deviation = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-6)
     labels, classes = np.unique(_labels(known), axis=0, return_inverse=True)
     model = library("linear_model").LogisticRegression(C=0.02, max_iter=60, tol=1e-2)

@@ -19,7 +19,7 @@ from learn.features.windows import Floats
 from learn.recognize.baselines import BASELINES
 from learn.recognize.dataset import SLOTS, LabelledSession, Labels, words
 from learn.recognize.folds import N_FOLDS, Kind, folds_of
-from learn.recognize.model import Recognized, Settings, train
+from learn.recognize.model import Recognized, Settings, fingerprint, train
 
 PREDICTIONS = "predictions.parquet"
 WAYS = ("windows", "context")
@@ -102,11 +102,17 @@ def cross_validate(
     *,
     seeds: Sequence[int] = (0,),
     settings: Settings | None = None,
+    share: float = 1.0,
     progress: Progress = silent,
 ) -> tuple[dict[str, Any], Predicted]:
     """Scores of every fifth of the sessions by recognisers that saw the other four, and what the first seed said.
 
     Nothing is fitted to a session that is tested: neither the table, nor trees, nor what labels there are.
+
+    Parameters
+    ----------
+    share : of all sessions, how many are learned from, four fifths at most; they are drawn anew by each seed, as
+        many of each file.
 
     Returns
     -------
@@ -122,7 +128,7 @@ def cross_validate(
         raise InputError("cannot cross-validate", where=there, fix="give more sessions")
     settings = settings or Settings()
     runs = [
-        _in_order(_folded(sessions, folds, replace(settings, seed=seed), progress), sessions)
+        _in_order(_folded(sessions, folds, replace(settings, seed=seed), share, progress), sessions)
         for seed in seeds
     ]
     scored = [scores(run) for run in runs]
@@ -130,12 +136,32 @@ def cross_validate(
     tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
     result = {
         "folds": kind,
+        "share": share,
         "mean": {way: float(values.mean()) for way, values in tuples.items()},
         "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
         "baselines": _baselines(sessions, folds, progress),
         "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
     }
     return result, runs[0]
+
+
+def some_of(sessions: Sequence[LabelledSession], share: float, *, seed: int) -> list[LabelledSession]:
+    """A share of the sessions of each file, one at least, drawn at random, in their order; all if it is 1 or more."""
+    if share >= 1:
+        return list(sessions)
+    generator = np.random.default_rng(seed)
+    files = np.array([session.file for session in sessions])
+    drawn: list[int] = []
+    for file in np.unique(files):
+        mine = generator.permutation(np.flatnonzero(files == file))
+        drawn += mine[: max(1, round(share * len(mine)))].tolist()
+    return [sessions[place] for place in sorted(drawn)]
+
+
+def trained_on(recognizer: Any, sessions: Sequence[LabelledSession]) -> list[LabelledSession]:
+    """Those of the sessions that a recogniser was trained on, whatever their names: figures of them say nothing."""
+    known: frozenset[str] = getattr(recognizer, "trained_on", frozenset())
+    return [session for session in sessions if fingerprint(session.points) in known]
 
 
 def draw_confusions(found: Predicted, way: str, dest: Path) -> None:
@@ -173,11 +199,16 @@ def confusion(true: NDArray[np.int8], said: NDArray[np.int8], n: int) -> NDArray
 
 
 def _folded(
-    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], settings: Settings, progress: Progress
+    sessions: Sequence[LabelledSession],
+    folds: NDArray[np.int64],
+    settings: Settings,
+    share: float,
+    progress: Progress,
 ) -> list[Predicted]:
     found: list[Predicted] = []
     for fold in range(N_FOLDS):
         known, tested = _parted(sessions, folds, fold)
+        known = some_of(known, share * N_FOLDS / (N_FOLDS - 1), seed=settings.seed)
         recognizer = train(known, settings, beginning(f"seed {settings.seed}, fold {fold + 1}", progress))
         found.append(predicted(tested, recognizer.recognize([session.points for session in tested])))
     return found

@@ -7,7 +7,7 @@ sum over all of them: a hidden Markov model that goes from left to right, solved
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,16 @@ from learn.recognize.dataset import Labels
 
 LEAST = 1e-3
 """Probability that is given to a label that a window's model rules out."""
-WEIGHT = 0.5
+WEIGHT = 0.35
 """Of a window's evidence: windows overlap by three quarters, and their errors go together."""
+ARRIVAL_WEIGHT = 0.8
+"""Of what is said about the arrival at a window."""
+DOUBT = 0.02
+"""Probability that an arrival always has, and that it never exceeds but by this."""
+LIKELY = 3
+"""Actions of which it is asked when they arrive."""
+Arrived = Callable[[NDArray[np.int64]], Floats]
+"""Of labels (k,) by their places in the vocabulary, probabilities (n, k) that they hold at windows by now, if ever."""
 _LOCATIVE, _VERB, _PREPOSITION = 2, 3, 4
 
 
@@ -71,11 +79,28 @@ class Grammar:
         rows = rows or [(nothing, -1, -1)]
         return cls(np.array(rows, np.int64), habits)
 
-    def smooth(self, probabilities: Floats) -> Floats:
-        """Of a session's windows (n, k), probabilities of labels (n, k) given all of them."""
+    def smooth(self, probabilities: Floats, arrived: Arrived | None = None) -> Floats:
+        """Of a session's windows (n, k), probabilities of labels (n, k) given all of them.
+
+        Parameters
+        ----------
+        arrived : also says how probable it is that an action has got its locative by a window, whatever that shows.
+        """
         evidence = WEIGHT * np.log(np.maximum(probabilities, LEAST))
         emitted = np.where(self.parts >= 0, evidence[:, self.parts], -np.inf)
         emitted = np.moveaxis(emitted, 2, 1)  # (n, part, action)
+        joint = self._joint(emitted)
+        if arrived is not None:
+            joint = self._joint(self._with_arrival(emitted, joint, arrived))
+        weights = np.exp(joint - joint.max(axis=(1, 2), keepdims=True))
+        found = np.zeros_like(probabilities)
+        known = self.parts.T >= 0
+        for place, weight in zip(self.parts.T[known], weights[:, known].T, strict=True):
+            found[:, place] += weight
+        return found / found.sum(axis=1, keepdims=True)
+
+    def _joint(self, emitted: Floats) -> Floats:
+        """Logarithms (n, part, action) of how probable it is that an action is at its part at a window."""
         nothing, short = np.log(self.habits.begins_with_nothing), np.log(self.habits.never_arrives)
         start = np.array([nothing, 0.0, 0.0])[:, None]
         end = np.array([short, short, 0.0])[:, None]
@@ -87,10 +112,17 @@ class Grammar:
         for window in range(len(emitted) - 2, -1, -1):
             following = (after[window + 1] + emitted[window + 1])[::-1]
             after[window] = np.logaddexp.accumulate(following, axis=0)[::-1]
-        joint = before + after
-        weights = np.exp(joint - joint.max(axis=(1, 2), keepdims=True))
-        found = np.zeros_like(probabilities)
-        known = self.parts.T >= 0
-        for place, weight in zip(self.parts.T[known], weights[:, known].T, strict=True):
-            found[:, place] += weight
-        return found / found.sum(axis=1, keepdims=True)
+        return before + after
+
+    def _with_arrival(self, emitted: Floats, joint: Floats, arrived: Arrived) -> Floats:
+        """What windows show (n, part, action) of the likeliest actions, and whether these have arrived at them."""
+        total = np.logaddexp.reduce(joint[0], axis=0)
+        likely = np.argsort(-total, kind="stable")[:LIKELY]
+        kept = np.full_like(emitted, -np.inf)
+        kept[..., likely] = emitted[..., likely]
+        related = likely[self.parts[likely, 2] >= 0]
+        if len(related):
+            share = np.clip(arrived(self.parts[related, 2]), DOUBT, 1 - DOUBT)
+            kept[:, :2, related] += ARRIVAL_WEIGHT * np.log(1 - share)[:, None]
+            kept[:, 2, related] += ARRIVAL_WEIGHT * np.log(share)
+        return kept

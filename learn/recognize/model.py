@@ -1,16 +1,20 @@
-"""The recogniser: two forests, one that sees a window and one that sees its session too, and a grammar.
+"""The recogniser: which box moves, how, and where to, told by trees, and what a session makes of that.
 
-Every session is learned four times, as it is, in a mirror, and both with the two boxes exchanged; what is recognised
-is the mean of two, as it is and with the boxes exchanged.  Probabilities are over whole labels, so that all are valid.
+Windows are seen twice, with either box as the one that moves.  Seen from the box that does, the two names of a label
+become one, an action, so that every session teaches both; in training each is also seen in a mirror.  Boosted trees
+tell the box, the manner (who moves it, and the verb) and the relation (locative and preposition).  Probabilities are
+over whole labels that occur, so that all are valid.  Other trees know when an action gets its locative, by the way of
+the box through the session, which the grammar of sessions asks.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,10 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecat.errors import CorruptError, ExistsError, InputError, NotFoundError
-from ecat.progress import Progress, silent
+from ecat.progress import Progress, beginning, silent
 from ecat.store import staged_file
-from learn.features.points import SWAP_POINTS
+from learn.features.journey import journey_features
+from learn.features.points import N_POINTS, SWAP_POINTS
 from learn.features.windows import (
+    LENGTH,
     VERSION,
     Features,
     Floats,
@@ -30,26 +36,32 @@ from learn.features.windows import (
     fit_table,
     mirror,
     n_windows,
-    surroundings_of,
     window_features,
     windows_of,
 )
+from learn.recognize.actions import Actions
+from learn.recognize.arrival import Shares, arrival_width, arrived, grow
+from learn.recognize.boosting import Boosted, boost
 from learn.recognize.dataset import LabelledSession, Labels, exchanged
-from learn.recognize.forest import N_JOBS, Forest, grow
-from learn.recognize.grammar import Grammar, Habits
+from learn.recognize.grammar import Arrived, Grammar, Habits
 
 CONFIG, MODEL = "config.json", "model.npz"
-VIEWS = ((False, False), (True, False), (False, True), (True, True))
-"""Boxes exchanged, and mirrored."""
+N_JOBS = 2
+_TREES, _ARRIVAL = ("mover", "manner", "relation"), "arrival"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a recogniser is trained."""
+    """How a recogniser is trained.
 
-    n_trees: int = 200
-    share: float = 0.3
-    context_share: float = 0.1
+    Attributes
+    ----------
+    n_trees : of each class, in each model.
+    n_models : whose mean is taken; they differ in what is drawn at random.
+    """
+
+    n_trees: int = 150
+    n_models: int = 1
     seed: int = 0
 
 
@@ -73,46 +85,74 @@ class Recognizer:
     Attributes
     ----------
     vocabulary : (k, 5) the labels that it knows, in order, with both names of the boxes.
+    mover : tells whether the first box moves.
+    manner, relation : tell what is done by the first box, if it is the one that moves.
+    arrival : tell when an action gets its locative; none if none ever did.
+    trained_on : fingerprints of the sessions.
     """
 
     settings: Settings
     table: Table
     vocabulary: Labels
     habits: Habits
-    alone: Forest
-    context: Forest
+    mover: Boosted
+    manner: Boosted
+    relation: Boosted
+    arrival: Shares | None = None
+    trained_on: frozenset[str] = frozenset()
 
     def recognize(self, sessions: Sequence[Floats]) -> Recognized:
         """What the windows of sessions, each of points (n, 21, 3), show."""
+        return self.in_context(self.alone(sessions), sessions)
+
+    def alone(self, sessions: Sequence[Floats]) -> Floats:
+        """Probabilities (w, k) of windows without their session."""
         with ThreadPoolExecutor(N_JOBS) as threads:
-            found = np.mean(list(threads.map(partial(self._seen_once, sessions), (False, True))), axis=0)
-        alone, context = found
+            seen = list(threads.map(partial(self._seen_from, sessions), (False, True)))
+        first, second = (mover for mover, _ in seen)
+        moves = (first + 1 - second) / 2
+        parts = [share[:, None] * found for share, (_, found) in zip((moves, 1 - moves), seen, strict=True)]
+        return Actions.of(self.vocabulary).labels(parts[0], parts[1])
+
+    def on_table(self, table: Table) -> Recognizer:
+        """The same for sessions whose table is known."""
+        return replace(self, table=table)
+
+    def in_context(self, alone: Floats, sessions: Sequence[Floats]) -> Recognized:
+        """Probabilities (w, k) of the windows of sessions alone, and beside them what the sessions make of these."""
         grammar = Grammar.of(self.vocabulary, self.habits)
         ends = np.cumsum([n_windows(len(points)) for points in sessions])
-        parts = [grammar.smooth(part) for part in np.split(context, ends)[:-1] if len(part)]
-        return Recognized(self.vocabulary, alone, np.concatenate(parts) if parts else context)
-
-    def _seen_once(self, sessions: Sequence[Floats], swap: bool) -> Floats:  # noqa: FBT001
-        """Probabilities (2, w, k) by the two forests, of the boxes as they are or exchanged."""
-        features = features_of(
-            [points[:, SWAP_POINTS] if swap else points for points in sessions], self.table
-        )
-        found = [
-            forest.predict(part) for forest, part in zip((self.alone, self.context), features, strict=True)
+        parts = [
+            (part, points)
+            for part, points in zip(np.split(alone, ends)[:-1], sessions, strict=True)
+            if len(part)
         ]
-        exchange = _places(exchanged(self.vocabulary), self.vocabulary)
-        return np.stack([part[:, exchange] if swap else part for part in found])
+        with ThreadPoolExecutor(N_JOBS) as threads:
+            smooth = list(threads.map(lambda one: grammar.smooth(one[0], self._arrived(one[1])), parts))
+        return Recognized(self.vocabulary, alone, np.concatenate(smooth) if smooth else alone)
+
+    def _arrived(self, points: Floats) -> Arrived | None:
+        if (trees := self.arrival) is None:
+            return None
+        journeys = journey_features(points, self.table)
+        return lambda places: arrived(trees, journeys, self.vocabulary[places])
+
+    def _seen_from(self, sessions: Sequence[Floats], swap: bool) -> tuple[Floats, Floats]:  # noqa: FBT001
+        """Probabilities (w,) that the first box moves, and (w, actions) of what it then does; of exchanged boxes."""
+        features = features_of([_seen(points, swap=swap) for points in sessions], self.table)
+        actions = Actions.of(self.vocabulary)
+        told = actions.joint(self.manner.predict(features), self.relation.predict(features))
+        return self.mover.predict(features)[:, -1], told
 
 
-def features_of(sessions: Sequence[Floats], table: Table) -> tuple[Features, Features]:
-    """Features of all windows of sessions: of each alone, and with its session, which begin with the former."""
-    around = [surroundings_of(points) for points in sessions]
-    counts = [n_windows(len(points)) for points in sessions]
-    alone = window_features(np.concatenate([windows_of(points) for points in sessions]), table)
-    near = window_features(np.concatenate([part for part, _ in around]), table)
-    whole = window_features(np.concatenate([part for _, part in around]), table).repeat(counts, axis=0)
-    where = np.concatenate([_where(count) for count in counts])
-    return alone, np.concatenate([alone, near, whole, where], axis=1)
+def features_of(sessions: Sequence[Floats], table: Table) -> Features:
+    """Features of all windows of sessions, one after the other."""
+    return window_features(np.concatenate([windows_of(points) for points in sessions]), table)
+
+
+def fingerprint(points: Floats) -> str:
+    """What tells whether two sessions are the same recording, whatever their names."""
+    return hashlib.sha256(np.ascontiguousarray(points, "<f8").tobytes()).hexdigest()[:16]
 
 
 def train(
@@ -131,32 +171,60 @@ def train(
     table = fit_table(np.concatenate([session.points for session in sessions]))
     stacked = np.concatenate(labels)
     vocabulary = np.unique(np.concatenate([stacked, exchanged(stacked)]), axis=0)
-    views: list[tuple[Features, Features]] = []
-    classes: list[NDArray[np.int64]] = []
-    for done, (swap, mirrored) in enumerate(VIEWS):
-        progress("computing features", done, len(VIEWS))
-        views.append(
-            features_of([_seen(session.points, swap=swap, mirrored=mirrored) for session in sessions], table)
-        )
-        classes.append(_places(exchanged(stacked) if swap else stacked, vocabulary))
-    progress("computing features", len(VIEWS), len(VIEWS))
-    forests = [
-        grow(
-            np.concatenate([view[place] for view in views]),
-            np.concatenate(classes),
-            len(vocabulary),
+    boosted = _boost_all(_tasks(sessions, table, vocabulary, progress), settings, progress)
+    known = frozenset(fingerprint(session.points) for session in sessions)
+    arrival = grow(sessions, table, settings.seed)
+    return Recognizer(
+        settings, table, vocabulary, Habits.of(labels), **boosted, arrival=arrival, trained_on=known
+    )
+
+
+def _tasks(
+    sessions: Sequence[LabelledSession], table: Table, vocabulary: Labels, progress: Progress
+) -> dict[str, tuple[Features, NDArray[np.int64], int]]:
+    """What each of the three has to learn: features, classes, and how many there are."""
+    actions = Actions.of(vocabulary)
+    place = _places(np.concatenate([session.labels for session in sessions]), vocabulary)
+    mover, action = actions.mover[place], actions.action[place]
+    moved: list[Features] = []
+    moving: list[Features] = []
+    for done, mirrored in enumerate((False, True)):
+        progress("computing features", done, 2)
+        views = [
+            features_of([_seen(one.points, swap=swap, mirrored=mirrored) for one in sessions], table)
+            for swap in (False, True)
+        ]
+        moved += [view[mover > 0] for view in views]
+        moving += [np.where((mover == 2)[:, None], views[1], views[0]), views[1][mover == 0]]
+    progress("computing features", 2, 2)
+    first = np.concatenate([mover[mover > 0] == 1, mover[mover > 0] == 2]).astype(np.int64)
+    what = np.tile(np.concatenate([action, action[mover == 0]]), 2)
+    features = np.concatenate(moving)
+    return {
+        "mover": (np.concatenate(moved), np.tile(first, 2), 2),
+        "manner": (features, actions.manner[what], int(actions.manner.max()) + 1),
+        "relation": (features, actions.relation[what], int(actions.relation.max()) + 1),
+    }
+
+
+def _boost_all(
+    tasks: dict[str, tuple[Features, NDArray[np.int64], int]], settings: Settings, progress: Progress
+) -> dict[str, Boosted]:
+    def one(name: str) -> Boosted:
+        features, classes, n_classes = tasks[name]
+        told = beginning(name, progress)
+        return boost(
+            features,
+            classes,
+            n_classes,
             n_trees=settings.n_trees,
-            share=share,
+            n_models=settings.n_models,
             seed=settings.seed,
-            progress=progress,
-            what=what,
+            progress=told,
         )
-        for place, share, what in (
-            (0, settings.share, "growing trees of windows"),
-            (1, settings.context_share, "growing trees of sessions"),
-        )
-    ]
-    return Recognizer(settings, table, vocabulary, Habits.of(labels), forests[0], forests[1])
+
+    with ThreadPoolExecutor(N_JOBS) as threads:
+        return dict(zip(_TREES, threads.map(one, _TREES), strict=True))
 
 
 def save(recognizer: Recognizer, run: Path) -> None:
@@ -173,8 +241,10 @@ def save(recognizer: Recognizer, run: Path) -> None:
         "table": asdict(recognizer.table),
         "vocabulary": recognizer.vocabulary.tolist(),
         "habits": asdict(recognizer.habits),
+        "trained_on": sorted(recognizer.trained_on),
     }
-    arrays = recognizer.alone.arrays("alone") | recognizer.context.arrays("context")
+    trees = {name: getattr(recognizer, name) for name in (*_TREES, _ARRIVAL)}
+    arrays = {k: v for name, kept in trees.items() if kept is not None for k, v in kept.arrays(name).items()}
     with staged_file(run / MODEL) as staging, staging.open("wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, **{k: _small(v) for k, v in arrays.items()})
     with staged_file(run / CONFIG) as staging:
@@ -206,7 +276,14 @@ def load(run: Path) -> Recognizer:
         vocabulary = np.array(config["vocabulary"], np.int8).reshape(-1, 5)
         habits = Habits(**{name: float(share) for name, share in config["habits"].items()})
         with (run / MODEL).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            alone, context = (Forest.of_arrays(arrays, name) for name in ("alone", "context"))
+            boosted = {name: Boosted.of_arrays(arrays, name) for name in _TREES}
+            arrives = any(name.startswith(f"{_ARRIVAL}.") for name in arrays)
+            arrival = Shares.of_arrays(arrays, _ARRIVAL) if arrives else None
+        known = frozenset(str(one) for one in config["trained_on"])
+        recognizer = Recognizer(
+            settings, table, vocabulary, habits, **boosted, arrival=arrival, trained_on=known
+        )
+        _require_fit(recognizer)
     except (ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError, OSError) as error:
         raise CorruptError(
             f"cannot use the model {run}",
@@ -214,7 +291,7 @@ def load(run: Path) -> Recognizer:
             consequence="nothing was recognised",
             fix="train it again",
         ) from None
-    return Recognizer(settings, table, vocabulary, habits, alone, context)
+    return recognizer
 
 
 def refuse_taken(run: Path) -> None:
@@ -239,17 +316,25 @@ def _small(values: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def _seen(points: Floats, *, swap: bool, mirrored: bool) -> Floats:
+def _require_fit(recognizer: Recognizer) -> None:
+    """Its trees tell as many classes as its labels have, from as many features as there are."""
+    actions = Actions.of(recognizer.vocabulary)
+    n_features = features_of([np.zeros((LENGTH, N_POINTS, 3))], Table(0.0, -1.0)).shape[1]
+    classes = {
+        "mover": 2,
+        "manner": int(actions.manner.max()) + 1,
+        "relation": int(actions.relation.max()) + 1,
+    }
+    for name, count in classes.items():
+        if getattr(recognizer, name).shape.tolist() != [n_features, count]:
+            raise ValueError(f"its {name} does not fit its labels")
+    if (trees := recognizer.arrival) is not None and trees.shape.tolist() != [arrival_width(), 1]:
+        raise ValueError("its arrival does not fit the features")
+
+
+def _seen(points: Floats, *, swap: bool, mirrored: bool = False) -> Floats:
     points = points[:, SWAP_POINTS] if swap else points
     return mirror(points) if mirrored else points
-
-
-def _where(n_windows: int) -> Features:
-    """Where windows are in their session: from its beginning, from its end, in between, and how many there are."""
-    number = np.arange(n_windows)
-    left = n_windows - 1 - number
-    share = number / max(n_windows - 1, 1)
-    return np.stack([number, left, share, np.full(n_windows, n_windows)], axis=1).astype(np.float32)
 
 
 def _places(labels: Labels, vocabulary: Labels) -> NDArray[np.int64]:

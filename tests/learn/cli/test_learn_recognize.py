@@ -16,7 +16,7 @@ from tests.learn.recognize import made
 if TYPE_CHECKING:
     from conftest import Ecat
 
-FEW = ("--trees", 4)
+FEW = ("--model", "trees", "--trees", 8)
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_what_was_learned_is_recognised_in_sessions_of_the_same_kind(
     result = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", run, "--json")
     assert result.code == 0, result.err
     found = result.json
-    assert (found["sessions_count"], found["windows_count"]) == (10, 60)
+    assert (found["sessions_count"], found["windows_count"], found["trained_on_count"]) == (10, 60, 10)
     assert found["windows"]["tuple"] > 0.9
     assert found["context"]["tuple"] > 0.9
     assert set(found["windows"]["slots"]) == set(SLOTS)
@@ -86,7 +86,19 @@ def test_a_run_is_not_overwritten_and_one_that_is_not_there_is_missed(
 def test_cross_validation_gives_a_table_pictures_and_predictions(tmp_path: Path, ecat: Ecat) -> None:
     source, run = made.exports(tmp_path / "exports", 10), tmp_path / "folds"
     result = ecat(
-        "learn", "recognize", "crossval", source, "--run", run, "--seeds", 2, "--trees", 2, "--json"
+        "learn",
+        "recognize",
+        "crossval",
+        source,
+        "--run",
+        run,
+        "--seeds",
+        2,
+        "--model",
+        "trees",
+        "--trees",
+        2,
+        "--json",
     )
     assert result.code == 0, result.err
     assert set(result.json["baselines"]) == {"majority", "marginals", "logistic"}
@@ -114,3 +126,51 @@ def test_real_sessions_are_recognised(shared: Path, tmp_path: Path, ecat: Ecat) 
     figures = scores(found)
     assert figures["windows"]["tuple"] > 0.8
     assert figures["context"]["tuple"] > figures["windows"]["tuple"] - 0.02
+
+
+@pytest.mark.parametrize("model", ["hmm", "mlp", "qual-lstm-crf", "neural", "mixture"])
+def test_every_model_is_trained_and_evaluated_by_the_same_commands(
+    model: str, tmp_path: Path, ecat: Ecat
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    source, run = made.exports(tmp_path / "exports"), tmp_path / "run"
+    size = () if model == "hmm" else ("--epochs", 2, "--hidden", 8, "--validation", 0.4)
+    # the mixture is what is trained if nothing is said
+    said = ("--trees", 8) if model == "mixture" else ("--model", model)
+    trained = ecat("learn", "recognize", "train", source, "--run", run, *said, *size, "--json")
+    assert trained.code == 0, trained.err
+    assert json.loads((run / "config.json").read_text("utf-8"))["model"] == model
+    pictures = {path.name for path in run.glob("*.png")}
+    assert pictures == (
+        set() if model == "hmm" else {"curves.png", "confusion_windows.png", "confusion_context.png"}
+    )
+    assert not (run / "checkpoint.npz").exists()
+    found = ecat("learn", "recognize", "evaluate", source, "--run", run, "--json").json
+    assert (found["windows_count"], found["trained_on_count"]) == (60, 10)
+    assert pq.read_table(run / "predictions.parquet").num_rows == 60
+    assert (run / "confusion_context.png").is_file()
+
+
+def test_cross_validation_of_another_model_is_kept_fold_by_fold(tmp_path: Path, ecat: Ecat) -> None:
+    source, run = made.exports(tmp_path / "exports", 10), tmp_path / "folds"
+    result = ecat(
+        "learn", "recognize", "crossval", source, "--run", run, "--model", "lds", "--share", 0.5, "--json"
+    )
+    assert result.code == 0, result.err
+    assert (result.json["model"], result.json["share"]) == ("lds", 0.5)
+    assert len(list((run / "folds").glob("*.npz"))) == 5
+    assert (run / "confusion_windows.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("model", "option"),
+    [("trees", "--epochs"), ("hmm", "--hidden"), ("mlp", "--layers"), ("neural", "--trees")],
+)
+def test_an_option_that_a_model_has_no_use_for_is_refused(
+    model: str, option: str, tmp_path: Path, ecat: Ecat
+) -> None:
+    source, run = made.exports(tmp_path / "exports", 1), tmp_path / "run"
+    result = ecat("learn", "recognize", "train", source, "--run", run, "--model", model, option, 3, "--json")
+    assert (result.code, result.json["error"]["error"]) == (2, "UsageError")
+    assert option in result.json["error"]["where"]
+    assert not run.exists()

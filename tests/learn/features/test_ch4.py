@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,11 +15,11 @@ from numpy.typing import NDArray
 from ecat.errors import InputError
 from ecat.formats.ecat2018.learning_export import read_learning_export
 from ecat.formats.recordings.learning_sessions import draft_of
-from ecat.sample import sample_session
 from ecat.store import create_session
 from learn.features import ch4
 from learn.features.ch4 import Projection, Projections
 from learn.features.points import SWAP_POINTS
+from learn.features.recordings import read_session
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +88,7 @@ def test_places_and_relations_follow_from_the_recording(
         if one.empty or number % 8:
             continue
         session = create_session(tmp_path / str(number), draft_of(one, "one", project, {}))
-        places = ch4.pcas(ch4.points_of(session), projections)
+        places = ch4.pcas(read_session(session).points, projections)
         said = stored[stored["session"] == one.name][list(ch4.PCAS_COLUMNS)].to_numpy()
         np.testing.assert_allclose(places, said, rtol=0, atol=1e-13)
         assert np.array_equal(ch4.qsr25(places), ch4.qsr25(said))
@@ -169,24 +167,6 @@ def test_a_gap_is_told() -> None:
     with pytest.raises(InputError, match="qualitative features") as raised:
         ch4.qsr25(ch4.pcas(points, ch4.fit_projections(frames())))
     assert "frame 7: left_hand" in raised.value.where
-
-
-@pytest.mark.parametrize(
-    ("without", "words"), [("joints", "no joints"), ("markers_3d", "0 objects"), ("o2", "1 objects")]
-)
-def test_a_session_without_what_is_needed_is_told(tmp_path: Path, without: str, words: str) -> None:
-    draft = sample_session(seed=3, actions=("next",), name="slide")[0]
-    tables: dict[str, Any] = {name: data for name, data in draft.tables.items() if name != without}
-    if without == "o2":
-        marks = tables["markers_3d"].data
-        ids = marks["object_id"].to_pylist()
-        tables["markers_3d"] = replace(
-            tables["markers_3d"], data=marks.filter([each == ids[0] for each in ids])
-        )
-    session = create_session(tmp_path / "slide", replace(draft, tables=tables))
-    with pytest.raises(InputError) as raised:
-        ch4.points_of(session)
-    assert words in raised.value.where
 
 
 def test_no_plane_through_two_points() -> None:

@@ -54,3 +54,37 @@ def test_habits_are_those_of_the_sessions_it_was_trained_on() -> None:
     sessions = [np.stack(rows) for rows in ([nothing, bare, full], [bare, full], [bare, bare])]
     assert Habits.of([*sessions, np.zeros((0, 5), np.int8)]) == Habits(2 / 5, 2 / 5)
     assert Habits.of([]) == Habits(1 / 2, 1 / 2)
+
+
+def test_an_arrival_that_is_as_likely_everywhere_changes_nothing() -> None:
+    probabilities = np.random.default_rng(3).dirichlet([0.5] * 5, 6)
+    grammar = Grammar.of(VOCABULARY, HABITS)
+    told = grammar.smooth(probabilities, lambda places: np.full((6, len(places)), 0.5))
+    np.testing.assert_allclose(told, grammar.smooth(probabilities), atol=1e-12)
+
+
+@pytest.mark.parametrize("window", [1, 3, 5])
+def test_the_arrival_decides_where_windows_do_not(window: int) -> None:
+    unsure = np.tile([0.02, 0.47, 0.47, 0.02, 0.02], (6, 1))
+    share = (np.arange(6) >= window).astype(np.float64)
+    asked: list[list[int]] = []
+
+    def arrived(
+        places: np.ndarray[tuple[int], np.dtype[np.int64]],
+    ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        asked.append(places.tolist())
+        return np.tile(share[:, None], (1, len(places)))
+
+    said = Grammar.of(VOCABULARY, HABITS).smooth(unsure, arrived).argmax(axis=1)
+    assert said.tolist() == [1] * window + [2] * (6 - window)
+    assert [sorted(places) for places in asked] == [[2, 4]]
+
+
+def test_an_action_that_never_gets_a_locative_is_not_asked_when() -> None:
+    grammar = Grammar.of(VOCABULARY[[0, 1, 3]], HABITS)
+    sure = np.array([[0.1, 0.5, 0.4], [0.1, 0.8, 0.1]])
+
+    def arrived(places: object) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        raise AssertionError(places)
+
+    np.testing.assert_array_equal(grammar.smooth(sure, arrived), grammar.smooth(sure))

@@ -1,0 +1,234 @@
+"""``ecat learn features``: sets of features by name, of sessions and of learning exports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ecat.cli.output import Output
+from ecat.cli.text import columns, count
+from ecat.cli.verb import verb
+from ecat.errors import EcatError, UsageError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from ecat.progress import Progress
+    from learn.features.recordings import Recording
+    from learn.features.sets import FeatureSet, Fitted
+
+
+@verb(
+    "features",
+    examples=(
+        "ecat learn features --list",
+        "ecat learn features my_session --set ch5-qualitative -o features.parquet",
+        'ecat learn features my_project --set ch5-network --every 2 --objects "Shell" "Stella Artois" -o f.parquet',
+        "ecat learn features exports/train --set ch4-qsr --fit planes.json -o train.parquet",
+        "ecat learn features exports/test --set ch4-qsr --transform planes.json -o test.parquet",
+    ),
+)
+@click.argument(
+    "sources",
+    nargs=-1,
+    metavar="[SOURCE...]",
+    type=click.Path(path_type=Path),
+    help="Sessions, projects or workspaces; learning exports, or folders of them (*.txt).",
+)
+@click.option("--set", "name", metavar="NAME", help="The set of features (--list).")
+@click.option("--list", "listed", is_flag=True, help="List the sets.")
+@click.option(
+    "--objects",
+    nargs=2,
+    metavar="A B",
+    help="Of sessions, the two boxes, by id or by name; of more than two, the one that moves most and the nearest by "
+    "default.",
+)
+@click.option(
+    "--fit", type=click.Path(path_type=Path), metavar="FILE", help="Fit the transform to these recordings."
+)
+@click.option(
+    "--transform", type=click.Path(path_type=Path), metavar="FILE", help="Take the one that --fit wrote."
+)
+@click.option("--fill", is_flag=True, help="Fill gaps in joints and markers in straight lines.")
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=1,
+    metavar="Q",
+    help="Of sets of chapter 5, one of every Q frames; 1 if not given.",
+)
+@click.option(
+    "--output", "-o", "dest", type=click.Path(path_type=Path), metavar="FILE", help="The file to write."
+)
+def features(
+    out: Output,
+    *,
+    sources: tuple[Path, ...],
+    name: str | None,
+    listed: bool,
+    objects: tuple[str, str] | None,
+    fit: Path | None,
+    transform: Path | None,
+    fill: bool,
+    every: int,
+    dest: Path | None,
+) -> int:
+    """Compute a set of features of sessions and of learning exports.
+
+    The Parquet file has the columns session and frame (of a window, its first), and those of the set; what is not known
+    is null.  Sets that take a transform (planes of most variance, a table) need it fitted to the recordings that models
+    are trained on: --fit writes it, --transform applies it to others.  Features of chapter 5 take a session's own
+    table, and a transform only of exports.
+
+    Recordings of which a set cannot be made are named at the end, and the others written; the exit code is then 1.
+    """
+    from learn.features.sets import SETS, feature_set
+
+    if listed:
+        rows = [_described(one) for one in SETS.values()]
+        head = ("set", "columns", "row", "made of", "transform", "source")
+        out.result({"sets": rows}, columns([head, *(tuple(str(row[key]) for key in head) for row in rows)]))
+        return 0
+    if not sources or name is None or dest is None:
+        missing = "SOURCE" if not sources else "--set NAME" if name is None else "-o FILE"
+        raise UsageError(
+            "cannot compute features", where=f"there is no {missing}", fix="ecat learn features --help"
+        )
+    if fit is not None and transform is not None:
+        raise UsageError("cannot compute features", where="--fit and --transform", fix="give one of them")
+    wanted = feature_set(name)
+    if (given := fit or transform) is not None and not wanted.transform:
+        raise UsageError(
+            f"cannot compute {name}",
+            where=f"it takes no transform, and {given} was given",
+            fix="leave it out",
+        )
+    with out.progress() as progress:
+        recordings, failed = _read(sources, objects or (), progress)
+        if fill:
+            recordings = [recording.filled() for recording in recordings]
+        fitted = _fitted(wanted, recordings, fit, transform)
+        done, more = _write(dest, wanted, recordings, fitted, every)
+    failed += more
+    findings = [f"{recording.name}: {said}" for recording in recordings for said in recording.findings]
+    rows_done = sum(done.values())
+    text = f"wrote {count(rows_done, 'row')} of {count(len(done), 'recording')} to {dest}"
+    lines = [text, *(f"  {said}" for said in findings), *(str(error) for error in failed)]
+    data = {"path": str(dest), "rows": rows_done, "sessions": done, "findings": findings}
+    out.result(data | {"failures": [e.to_dict() for e in failed]}, "\n".join(lines), ok=not failed)
+    return 1 if failed else 0
+
+
+def _described(one: FeatureSet) -> dict[str, Any]:
+    transform = one.transform + ("" if one.always or not one.transform else " (exports)")
+    return {
+        "set": one.name,
+        "columns": len(one.columns()),
+        "row": one.per,
+        "made of": one.inputs,
+        "transform": transform or "-",
+        "source": one.source,
+        "names": list(one.columns()),
+    }
+
+
+def _read(
+    sources: Sequence[Path], objects: tuple[str, ...], progress: Progress
+) -> tuple[list[Recording], list[EcatError]]:
+    """The recordings at the sources; what cannot be read is told, unless nothing can."""
+    from ecat.store import open_session
+    from learn.features.recordings import read_export, read_session
+
+    places = [place for source in sources for place in _places(source)]
+    found: list[Recording] = []
+    failed: list[EcatError] = []
+    for done, place in enumerate(places):
+        progress("reading", done, len(places))
+        try:
+            if place.is_dir():
+                found.append(read_session(open_session(place), objects))
+            else:
+                found += read_export(place)
+        except EcatError as error:
+            failed.append(error)
+    progress("reading", len(places), len(places))
+    if not found and failed:
+        raise failed[0]
+    return found, failed
+
+
+def _places(source: Path) -> Iterator[Path]:
+    """Folders of sessions, or files of exports."""
+    from ecat.cli.describe import sessions_at
+    from ecat.errors import NotFoundError
+
+    if source.is_file():
+        yield source
+        return
+    exports = sorted(path for path in source.rglob("*.txt") if path.is_file()) if source.is_dir() else []
+    try:
+        sessions = sessions_at(source)
+    except NotFoundError:
+        if not exports:
+            raise
+        sessions = []
+    yield from sessions or exports
+
+
+def _fitted(
+    wanted: FeatureSet, recordings: Sequence[Recording], fit: Path | None, transform: Path | None
+) -> Fitted:
+    from learn.features.transforms import KINDS, load_transform, save_transform
+
+    if fit is not None:
+        made = KINDS[wanted.transform].fit(recordings)
+        save_transform(made, fit)
+        return made
+    return None if transform is None else load_transform(transform, wanted.transform)
+
+
+def _write(
+    dest: Path, wanted: FeatureSet, recordings: Sequence[Recording], fitted: Fitted, every: int
+) -> tuple[dict[str, int], list[EcatError]]:
+    """Write the features of each recording, and tell how many rows each has; nothing if none has any."""
+    import pyarrow.parquet as pq
+
+    from ecat.store import staged_file
+    from learn.features.sets import features as features_of
+    from learn.features.sets import schema_of
+
+    done: dict[str, int] = {}
+    failed: list[EcatError] = []
+    tables = _tables(recordings, partial(features_of, wanted=wanted, transform=fitted, every=every), failed)
+    first = next(tables, None)
+    if first is None:
+        raise failed[0] if failed else UsageError("cannot compute features", where="there are no recordings")
+    schema = first.schema.with_metadata(schema_of(wanted, first))
+    with staged_file(dest) as staging, pq.ParquetWriter(staging, schema, compression="zstd") as writer:
+        for table in chain([first], tables):
+            writer.write_table(table.cast(schema))
+            name = str(table["session"][0])
+            done[name] = done.get(name, 0) + table.num_rows
+    return done, failed
+
+
+def _tables(
+    recordings: Sequence[Recording], compute: Callable[[Recording], pa.Table], failed: list[EcatError]
+) -> Iterator[pa.Table]:
+    """The features of each recording; those of which there are none are told, but for a wrong call."""
+    for recording in recordings:
+        try:
+            table = compute(recording)
+        except UsageError:
+            raise
+        except EcatError as error:
+            failed.append(error)
+        else:
+            if table.num_rows:
+                yield table

@@ -1,0 +1,104 @@
+"""When an action has come to be related to a place: "pull" becomes "pull past" at some window of a session.
+
+A window alone hardly tells; how far the box has come, of what it will have come when the session ends, does.  An action
+that is so related is said to have arrived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.features.journey import journey_features
+from learn.features.points import N_POINTS
+from learn.features.scene import Table
+from learn.features.windows import LENGTH, Features, Floats
+from learn.recognize.actions import movers
+from learn.recognize.dataset import SLOTS, LabelledSession, Labels
+from learn.recognize.trees import Trees, library
+
+_SUBJECT, _VERB, _PREPOSITION = 0, 3, 4
+_PERFORMER = 1
+_SETTINGS = {"n_estimators": 200, "min_samples_leaf": 3, "max_features": 0.4, "n_jobs": 1}
+
+
+@dataclass(frozen=True)
+class Shares(Trees):
+    """Trees whose mean is a probability.
+
+    Attributes
+    ----------
+    value : (n,) of each node what a leaf says.
+    """
+
+    value: NDArray[np.float64]
+
+    def predict(self, features: Features) -> Floats:
+        """Probabilities (n,) of rows (n, features)."""
+        return np.mean([self.value[leaf] for leaf in self.leaves(features)], axis=0)
+
+    def is_sound(self) -> bool:
+        """Also that every node says a probability."""
+        return (
+            super().is_sound()
+            and self.value.shape == self.left.shape
+            and bool(((self.value >= 0) & (self.value <= 1)).all())
+        )
+
+
+def arrived(trees: Shares, journeys: Sequence[Features], labels: Labels) -> Floats:
+    """Probabilities (w, k) that at windows of a session, if its action is one of ``labels`` (k, 5), it has arrived.
+
+    Parameters
+    ----------
+    journeys : of both boxes, :func:`learn.features.journey.journey_features`.
+    """
+    rows = [_rows(journeys, label) for label in labels]
+    return trees.predict(np.concatenate(rows)).reshape(len(labels), -1).T
+
+
+def grow(sessions: Sequence[LabelledSession], table: Table, seed: int) -> Shares | None:
+    """Extremely randomised trees (Geurts et al. 2006) that know when actions of sessions arrive; none never do."""
+    rows: list[Features] = []
+    said: list[NDArray[np.bool_]] = []
+    for session in sessions:
+        related = session.labels[:, _PREPOSITION] > 0
+        if related.any():
+            rows.append(_rows(journey_features(session.points, table), session.labels[related][0]))
+            said.append(related)
+    if not rows:
+        return None
+    whole = np.concatenate(rows)
+    forest: Any = library("ensemble").ExtraTreesRegressor(**_SETTINGS, random_state=seed)
+    forest.fit(whole, np.concatenate(said).astype(np.float64))
+    grown = [tree.tree_ for tree in forest.estimators_]
+    return Shares(
+        roots=np.cumsum([0, *(tree.node_count for tree in grown)]),
+        left=np.concatenate([tree.children_left for tree in grown]).astype(np.int64),
+        right=np.concatenate([tree.children_right for tree in grown]).astype(np.int64),
+        feature=np.concatenate([np.maximum(tree.feature, 0) for tree in grown]).astype(np.int64),
+        threshold=np.concatenate([tree.threshold for tree in grown]),
+        value=np.clip(np.concatenate([tree.value[:, 0, 0] for tree in grown]), 0.0, 1.0),
+        shape=np.array([whole.shape[1], 1]),
+    )
+
+
+def arrival_width() -> int:
+    """How many features the trees see."""
+    nowhere = np.zeros((LENGTH, N_POINTS, 3))
+    return _rows(journey_features(nowhere, Table(0.0, -1.0)), np.zeros(len(SLOTS), np.int8)).shape[1]
+
+
+def _rows(journeys: Sequence[Features], label: NDArray[np.int8]) -> Features:
+    """Features of the windows of a session whose action, once it has arrived, has a label (5,)."""
+    journey = journeys[max(int(movers(label[None])[0]), 1) - 1]
+    said = [
+        *(label[_VERB] == np.arange(1, len(SLOTS["verb"]))),
+        *(label[_PREPOSITION] == np.arange(1, len(SLOTS["preposition"]))),
+        label[_SUBJECT] > _PERFORMER,
+    ]
+    return np.concatenate([journey, np.tile(np.array(said, np.float32), (len(journey), 1))], axis=1)

@@ -1,0 +1,184 @@
+"""Cross-validation of any model by the folds that are written down, fold by fold, so that it can be interrupted."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecat.errors import InputError
+from ecat.progress import Progress, beginning, silent
+from ecat.store import staged_file
+from learn.features import raw, windows
+from learn.recognize.dataset import LabelledSession
+from learn.recognize.evaluation import WAYS, Predicted, predicted, scores, some_of
+from learn.recognize.folds import N_FOLDS, Kind, folds_of
+from learn.recognize.runs import Options, train
+
+Split = tuple[Sequence[LabelledSession], Sequence[LabelledSession]]
+"""Sessions that are known, and sessions that are tested."""
+Recognize = Callable[[Split, Progress], Predicted]
+"""Learn from the known, and say what the tested show."""
+
+
+def splits_of(sessions: Sequence[LabelledSession], kind: Kind) -> list[Split]:
+    """The five folds: each has four fifths of the sessions to learn from, and the last to be tested.
+
+    Raises
+    ------
+    InputError : a fold has no sessions.
+    """
+    folds = folds_of([session.key for session in sessions], kind)
+    if len(np.unique(folds)) < N_FOLDS:
+        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
+        raise InputError("cannot cross-validate", where=there, fix="give more sessions")
+    pairs = list(zip(sessions, folds.tolist(), strict=True))
+    return [
+        ([one for one, of in pairs if of != fold], [one for one, of in pairs if of == fold])
+        for fold in range(N_FOLDS)
+    ]
+
+
+def recognized_by(name: str, options: Options) -> Recognize:
+    """What a model says that is trained on what is known; nothing is fitted to what is tested."""
+
+    def recognize(split: Split, progress: Progress) -> Predicted:
+        recognizer, _ = train(name, split[0], options, progress=progress)
+        return predicted(split[1], recognizer.recognize([session.points for session in split[1]]))
+
+    return recognize
+
+
+def made_of(name: str, options: Options) -> str:
+    """What a model's words depend on, besides the sessions: options, and the features if these have versions."""
+    versions = {"trees": windows.VERSION, "neural": raw.VERSION, "mixture": windows.VERSION + raw.VERSION}
+    return repr(options) + versions.get(name, "")
+
+
+def kept_or(
+    recognize: Recognize, split: Split, keep: Path | None, what: str, progress: Progress = silent
+) -> Predicted:
+    """What is said of the tested sessions: read from a file if it is there, and otherwise written to it.
+
+    Parameters
+    ----------
+    keep : the file; one that was made of other sessions, or with another ``what``, counts as none.
+    what : everything that what is said depends on, besides the sessions.
+    """
+    identity = _identity(split, what)
+    if keep is not None and keep.exists():
+        kept = _read(keep, split, identity)
+        if kept is not None:
+            return kept
+    found = recognize(split, progress)
+    if keep is not None:
+        arrays: dict[str, Any] = {f"labels.{way}": found.labels[way] for way in WAYS}
+        arrays |= {f"probabilities.{way}": found.probabilities[way] for way in WAYS}
+        with staged_file(keep, replaces=b"PK") as staging, staging.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, identity=_bytes(identity), **arrays)
+    return found
+
+
+def cross_validate_model(
+    sessions: Sequence[LabelledSession],
+    name: str,
+    kind: Kind,
+    options: Sequence[Options],
+    *,
+    share: float = 1.0,
+    keep: Path | None = None,
+    progress: Progress = silent,
+) -> tuple[dict[str, Any], Predicted]:
+    """Scores of every fifth of the sessions by models that saw the other four, and what the first of ``options`` said.
+
+    Parameters
+    ----------
+    options : of each repetition, which differ in their seeds.
+    share : of all sessions, how many are learned from, four fifths at most; drawn anew by each seed.
+    keep : a folder for what was said of each fold; those that are there are not computed again.
+
+    Returns
+    -------
+    scores : ``mean`` and ``spread`` over the seeds (standard deviation), and ``runs`` of each.
+
+    Raises
+    ------
+    InputError : a fold has no sessions.
+    """
+    splits = splits_of(sessions, kind)
+    runs: list[Predicted] = []
+    for one in options:
+        parts = [
+            kept_or(
+                recognized_by(name, one),
+                (some_of(split[0], share * N_FOLDS / (N_FOLDS - 1), seed=one.seed), split[1]),
+                None if keep is None else keep / f"{name}-{kind}-{one.seed}-{fold}.npz",
+                made_of(name, one),
+                beginning(f"{name}, seed {one.seed}, fold {fold + 1} of {N_FOLDS}", progress),
+            )
+            for fold, split in enumerate(splits)
+        ]
+        runs.append(in_order(parts, sessions))
+    scored = [scores(run) for run in runs]
+    return {
+        "model": name,
+        "folds": kind,
+        "share": share,
+        **summary([one.seed for one in options], scored),
+    }, runs[0]
+
+
+def summary(seeds: Sequence[int], scored: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Mean and spread (standard deviation) of shares of whole labels over seeds, and all that was scored."""
+    tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
+    spread = 1 if len(scored) > 1 else 0
+    return {
+        "mean": {way: float(values.mean()) for way, values in tuples.items()},
+        "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
+        "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
+    }
+
+
+def in_order(parts: Sequence[Predicted], sessions: Sequence[LabelledSession]) -> Predicted:
+    """What was said of parts of the sessions, as one, in their order."""
+    where: dict[tuple[str, str], tuple[int, int, int]] = {}
+    for number, part in enumerate(parts):
+        start = 0
+        for session in part.sessions:
+            where[session.key] = number, start, start + len(session.labels)
+            start += len(session.labels)
+    places = [where[session.key] for session in sessions]
+    return Predicted(
+        sessions,
+        {way: np.concatenate([parts[n].labels[way][a:b] for n, a, b in places]) for way in WAYS},
+        {way: np.concatenate([parts[n].probabilities[way][a:b] for n, a, b in places]) for way in WAYS},
+    )
+
+
+def _read(source: Path, split: Split, identity: str) -> Predicted | None:
+    try:
+        with source.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
+            if not np.array_equal(kept["identity"], _bytes(identity)):
+                return None
+            labels = {way: np.asarray(kept[f"labels.{way}"], np.int8) for way in WAYS}
+            sure = {way: np.asarray(kept[f"probabilities.{way}"], np.float64) for way in WAYS}
+    except Exception:  # noqa: BLE001  # whatever is wrong with it, it is computed anew
+        return None
+    return Predicted(split[1], labels, sure)
+
+
+def _identity(split: Split, what: str) -> str:
+    digest = hashlib.sha256(what.encode())
+    for part in split:
+        digest.update(b"|")
+        for session in part:
+            digest.update(repr(session.key).encode() + session.points.tobytes() + session.labels.tobytes())
+    return digest.hexdigest()
+
+
+def _bytes(text: str) -> NDArray[np.uint8]:
+    return np.frombuffer(text.encode(), np.uint8)

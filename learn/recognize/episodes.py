@@ -1,0 +1,208 @@
+"""Actions of a whole session: the stretches in which boxes move, and the windows of each as spans of equal labels.
+
+A recogniser knows recordings of one action, as long as the sessions that it was trained on.  A longer session is cut
+into stretches around the movements of its boxes, and each of them is recognised as a recording of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecat.errors import InputError
+from ecat.process.inputs import MAX_FRAMES
+from ecat.progress import Progress, silent
+from learn.features.ch5 import interpolated
+from learn.features.points import JOINTS, N_POINTS
+from learn.features.recordings import Recording
+from learn.features.windows import HOP, LENGTH, Table
+from learn.recognize.dataset import words
+from learn.recognize.runs import Recognizer
+
+Floats = NDArray[np.float64]
+
+FPS = 30.0
+"""Frames per second of what recognisers are trained on, as the Kinect delivers them."""
+USUAL_FPS = (22.0, 33.0)
+"""Between these nothing is resampled: the exports' own rate is somewhere from 24 to 30."""
+SLOWEST_FPS = 8.0
+"""With fewer frames per second it is not known how hands and boxes move."""
+ONE_ACTION = 150
+"""Frames up to which a session is taken to show one action; the exports of ECAT have up to 139."""
+MARGIN = LENGTH // 2
+"""Frames before and after a movement, so that its first window is about its beginning."""
+_GAP_S = 0.2
+"""Points are interpolated over gaps up to this long when a session is resampled."""
+_STEP, _MOVED_M, _PAUSE = 10, 0.02, 15
+"""A box moves where it gets this far in so many frames about it; shorter pauses do not part movements."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Points (n, 21, 3) of one action, at about :data:`FPS`; ``frame`` (n + 1,) where each is in the session, and the
+    end; ``table`` the one of the session, None if it is not known.
+    """
+
+    points: Floats
+    frame: Floats
+    table: Table | None
+
+
+@dataclass(frozen=True)
+class Action:
+    """What was recognised from frame ``start`` to before ``end``: words in the slots, and how probable they are."""
+
+    start: int
+    end: int
+    words: tuple[str | None, ...]
+    confidence: float
+
+
+def episodes(recording: Recording) -> list[Episode]:
+    """The stretches of a recording that show an action each, in their order.
+
+    Raises
+    ------
+    InputError : it is shorter than a window, or has too few frames per second.
+    """
+    whole = [_at_usual_rate(recording, start, points, table) for start, points, table in recording.leveled()]
+    if max((len(one.points) for one in whole), default=0) < LENGTH:
+        raise InputError(
+            f"cannot recognise actions of session {recording.name}",
+            where=f"it has {len(recording.points)} frames, a window {LENGTH}",
+            consequence="nothing was recognised",
+            fix="give a longer session",
+        )
+    found: list[Episode] = []
+    for one in whole:
+        n = len(one.points)
+        moves = [(0, n)] if len(whole) == 1 and n <= ONE_ACTION else _movements(recording, one)
+        found += [
+            replace(one, points=one.points[start:end], frame=one.frame[start : end + 1])
+            for start, end in moves
+            if end - start >= LENGTH
+        ]
+    return found
+
+
+def recognize(recording: Recording, recognizer: Recognizer, progress: Progress = silent) -> list[Action]:
+    """The actions in a recording, in their order; windows in which nothing is done are in none.
+
+    Raises
+    ------
+    InputError : it is shorter than a window.
+    """
+    found: list[Action] = []
+    stretches = episodes(recording)
+    for done, episode in enumerate(stretches):
+        progress("recognising", done, len(stretches))
+        asked = recognizer if episode.table is None else recognizer.on_table(episode.table)
+        seen = asked.recognize([episode.points])
+        found += _spans(episode, seen.labels(seen.context).tolist(), seen.context.max(axis=1))
+    progress("recognising", len(stretches), len(stretches))
+    return found
+
+
+def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Floats) -> Iterator[Action]:
+    """Windows of equal labels, from half a hop before the middle of the first to half a hop after that of the last."""
+    edges = [0, *(i for i, (a, b) in enumerate(pairwise(labels), start=1) if a != b), len(labels)]
+    for first, end in pairwise(edges):
+        said = tuple(words(labels[first]))
+        if said[3] is None:
+            continue
+        # a session that was not cut begins and ends with its windows, others with their movement
+        start = HOP * first + (LENGTH - HOP) // 2
+        stop = HOP * (end - 1) + (LENGTH + HOP) // 2
+        frames = [round(float(episode.frame[place])) for place in (start, min(stop, len(episode.points)))]
+        yield Action(frames[0], max(frames[1], frames[0] + 1), said, float(probability[first:end].mean()))
+
+
+def _at_usual_rate(recording: Recording, start: int, points: Floats, table: Table | None) -> Episode:
+    """The stretch of a session that begins at frame ``start``, with as many frames per second as is usual."""
+    frame = np.arange(start, start + len(points) + 1, dtype=np.float64)
+    t_s = None if recording.t_s is None else recording.t_s[start : start + len(points)]
+    if t_s is None or len(t_s) < 2:
+        return Episode(points, frame, table)
+    step = float(np.median(np.diff(t_s)))
+    if step <= 0 or USUAL_FPS[0] <= 1 / step <= USUAL_FPS[1] or (t_s[-1] - t_s[0]) * FPS > MAX_FRAMES:
+        return Episode(points, frame, table)
+    if 1 / step < SLOWEST_FPS:
+        raise InputError(
+            f"cannot recognise actions of session {recording.name}",
+            where=f"it has {1 / step:.1f} frames per second, at least {SLOWEST_FPS:g} are needed",
+            consequence="nothing was recognised",
+            fix="record more images per second",
+        )
+    times = np.arange(t_s[0], t_s[-1] + step / 2, 1 / FPS)
+    places = np.append(np.interp(times, t_s, frame[:-1]), frame[-1])
+    return Episode(_resampled(points, t_s, times), places, table)
+
+
+def _resampled(points: Floats, t_s: Floats, times: Floats) -> Floats:
+    """Points (n, 21, 3) at other times, interpolated between what is known, but over no long gap."""
+    found = np.full((len(times), N_POINTS, 3), np.nan)
+    for point in range(N_POINTS):
+        known = np.isfinite(points[:, point]).all(axis=1)
+        if not known.any():
+            continue
+        its = t_s[known]
+        after = np.searchsorted(its, times).clip(0, len(its) - 1)
+        before = np.searchsorted(its, times, side="right").clip(1) - 1
+        near = np.minimum(np.abs(its[after] - times), np.abs(times - its[before])) <= _GAP_S / 2
+        for axis in range(3):
+            found[near, point, axis] = np.interp(times[near], its, points[known, point, axis])
+    return found
+
+
+def _movements(recording: Recording, one: Episode) -> list[tuple[int, int]]:
+    """Where a box moves, with a margin: by the relations of the session, else by its poses, else by its markers."""
+    n = len(one.points)
+    if recording.moves is None:
+        found = _seen_to_move(recording, one)
+    else:
+        places = np.searchsorted(one.frame, np.array(recording.moves, np.float64).reshape(-1, 2))
+        found = [(start, end) for start, end in places.clip(0, n).tolist() if end > start]
+        found = _joined(found, lambda a, b: 2 * (a[1] - b[0]) > min(a[1] - a[0], b[1] - b[0]))
+    return [(max(0, start - MARGIN), min(n, end + MARGIN)) for start, end in found]
+
+
+def _seen_to_move(recording: Recording, one: Episode) -> list[tuple[int, int]]:
+    n = len(one.points)
+    frame = one.frame[:-1].round().astype(np.int64)
+    moving = np.zeros(n, bool)
+    for box in range(2):
+        at = len(JOINTS) + 4 * box
+        if recording.tracks is not None:
+            place = recording.tracks[box, frame.clip(0, recording.tracks.shape[1] - 1), :2]
+        else:
+            place = np.median(one.points[:, at : at + 4], axis=1)
+            if not np.isfinite(place).all(axis=1).any():
+                continue
+            place = _calm(interpolated(place))
+        moved = np.linalg.norm(place[_STEP:] - place[:-_STEP], axis=1) > _MOVED_M
+        moving[_STEP // 2 : _STEP // 2 + len(moved)] |= moved
+    edges = np.flatnonzero(np.diff(np.r_[0, moving, 0])).reshape(-1, 2).tolist()
+    return _joined([(start, end) for start, end in edges], lambda a, b: b[0] - a[1] < _PAUSE)
+
+
+def _joined(
+    spans: Sequence[tuple[int, int]], belong: Callable[[tuple[int, int], tuple[int, int]], bool]
+) -> list[tuple[int, int]]:
+    """Spans in their order, each joined with the one before if they belong together."""
+    found: list[tuple[int, int]] = []
+    for span in spans:
+        if found and belong(found[-1], span):
+            found[-1] = found[-1][0], max(found[-1][1], span[1])
+        else:
+            found.append(span)
+    return found
+
+
+def _calm(place: Floats) -> Floats:
+    """Medians of nine frames: the depth of a marker jumps now and then."""
+    padded = np.pad(place, ((4, 4), (0, 0)), mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 9, axis=0), axis=-1)

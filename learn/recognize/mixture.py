@@ -1,0 +1,87 @@
+"""Trees and a network asked together: they err on different windows, so that the mean of both is better than either."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecat.errors import CorruptError
+from ecat.progress import Progress, beginning, silent
+from learn.features.windows import Floats, Table
+from learn.recognize import model as trees
+from learn.recognize.dataset import LabelledSession
+from learn.recognize.model import Recognized
+
+PARTS = ("trees", "neural")
+"""Folders in that of the run."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Boosted trees, and the network that sees raw points, trained on the same sessions."""
+
+    trees: trees.Recognizer
+    neural: Any
+
+    @property
+    def trained_on(self) -> frozenset[str]:
+        """Fingerprints of the sessions."""
+        return self.trees.trained_on
+
+    def recognize(self, sessions: Sequence[Floats]) -> Recognized:
+        """What the windows of sessions, each of points (n, 21, 3), show: the mean of both probabilities."""
+        seen = self.trees.alone(sessions), self.neural.alone(sessions, thorough=False)
+        return self.trees.in_context(np.mean(seen, axis=0), sessions)
+
+    def on_table(self, table: Table) -> Mixture:
+        """The same for sessions whose table is known."""
+        return Mixture(self.trees.on_table(table), self.neural.on_table(table))
+
+
+def train(
+    sessions: Sequence[LabelledSession],
+    settings: trees.Settings,
+    network: Any,
+    *,
+    checkpoint: Path | None = None,
+    progress: Progress = silent,
+) -> tuple[Mixture, Any]:
+    """Both, trained on these sessions and nothing else, and how the training of the network went.
+
+    Parameters
+    ----------
+    network : its settings.
+    checkpoint : of the network, as in its own training.
+
+    Raises
+    ------
+    InputError : there are no windows; or the checkpoint is of other settings or sessions.
+    """
+    from learn.recognize.neural import recognizer as neural
+
+    course = neural.train(
+        sessions, replace(network, model="neural"), checkpoint=checkpoint, progress=progress
+    )
+    return Mixture(trees.train(sessions, settings, beginning("trees", progress)), course.recognizer), course
+
+
+def joined(parts: Sequence[Any], run: Path) -> Mixture:
+    """A mixture of the two that were read from ``run``.
+
+    Raises
+    ------
+    CorruptError : they do not know the same labels.
+    """
+    first, second = parts
+    if not np.array_equal(first.vocabulary, second.vocabulary):
+        raise CorruptError(
+            f"cannot use the model {run}",
+            where="its trees and its network know different labels",
+            consequence="nothing was recognised",
+            fix="train it again",
+        )
+    return Mixture(first, second)

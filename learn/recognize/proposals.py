@@ -1,0 +1,210 @@
+"""What was recognised or computed, written into the machine's layer of a session, for people to accept or reject.
+
+Others propose there as well (`ecat process`); each replaces its own proposals, told by their author, and no others'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from ecat.errors import UsageError
+from ecat.model import AnnotatedObject, Event, Layer, Property, Relation, Role, Segment
+from ecat.model.annotation import MACHINE, TextReference, with_relation_ids
+from ecat.process.inputs import clock_table
+from ecat.store import Session
+from learn.features.recordings import Recording
+from learn.recognize.episodes import Action
+
+AUTHOR = "ecat learn recognize"
+ROLES = ("Subject", "Object", "Locative")
+"""Roles of an event, as the first three slots of a label are called."""
+_VERBS = {"push": "pushes", "pull": "pulls", "roll": "rolls", "slide": "slides"}
+_PREPOSITIONS = {"Past": "past", "From": "away from", "To": "towards"}
+_PERFORMER = "performer"
+"""The object that is the performer where nobody annotated one."""
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """Of one author's proposals: how many are new, how many of the old were taken out, and how many of them stay, as
+    people have decided about them.
+    """
+
+    added: int
+    removed: int
+    kept: int
+
+
+def events_of(session: Session, recording: Recording, actions: Sequence[Action]) -> tuple[Event, ...]:
+    """Proposed events of actions: type, text, one segment, roles and how sure the recogniser is; without ids."""
+    names = {thing.id: thing.name or thing.id for thing in _objects(session)}
+    rig = recording.rig or _PERFORMER
+    things = {"Performer": rig, "Object_1": recording.objects[0], "Object_2": recording.objects[1]}
+    times = _times(session)
+    return tuple(_event(action, things, names, times) for action in actions)
+
+
+def replace_proposals(
+    session: Session,
+    author: str,
+    events: Iterable[Event] = (),
+    relations: Iterable[Relation] = (),
+    *,
+    layer: str = MACHINE,
+) -> Replaced:
+    """Make ``events`` and ``relations`` all that ``author`` proposes in a layer, in one commit.
+
+    Proposals of other authors stay as they are.  So do the author's own that people have accepted or rejected, which
+    are not proposed a second time.  Events may have parents among those of the same author only.
+
+    Raises
+    ------
+    UsageError : in another layer than the machine's there is more than proposals: it is a person's.
+    StaleError, LockedError, ReadOnlyError, DiskError : nothing was changed.
+    """
+    session.refresh()
+    old = session.layer(layer) if session.manifest.layer(layer) is not None else Layer(name=layer)
+    old = with_relation_ids(old)
+    if layer != MACHINE and any(item.status != "proposed" for item in (*old.events, *old.relations)):
+        raise UsageError(
+            f"cannot propose in layer {layer} of {session.name}",
+            where="there is more in it than proposals",
+            fix=f"name another layer, or leave it out for {MACHINE}",
+        )
+    decided = _decided(session, layer)
+
+    def stays(item: Event | Relation) -> bool:
+        return item.author != author or item.status != "proposed" or item.id in decided
+
+    kept_events = tuple(event for event in old.events if stays(event))
+    kept_relations = tuple(relation for relation in old.relations if stays(relation))
+    number = max(old.event_counter, *_numbers(old.events, "a"), *_numbers_of(decided, "a"))
+    new_events = [event for event in events if not _is_there(event, kept_events)]
+    new_events = [replace(event, id=f"a{number + i}") for i, event in enumerate(new_events, start=1)]
+    last = max(old.relation_counter, *_numbers(old.relations, "r"), *_numbers_of(decided, "r"))
+    new_relations = [relation for relation in relations if not _is_there(relation, kept_relations)]
+    new_relations = [
+        replace(one, id=f"r{last + i}", author=author) for i, one in enumerate(new_relations, start=1)
+    ]
+    new_events = [replace(event, author=author) for event in new_events]
+    made = replace(
+        old,
+        event_counter=number + len(new_events),
+        relation_counter=last + len(new_relations),
+        events=(*kept_events, *new_events),
+        relations=(*kept_relations, *new_relations),
+    )
+    made = replace(made, objects=_taking_part(session, made))
+    mine = [item for item in (*kept_events, *kept_relations) if item.author == author]
+    removed = len(old.events) + len(old.relations) - len(kept_events) - len(kept_relations)
+    if new_events or new_relations or removed:
+        with session.write() as commit:
+            commit.put_layer(made)
+    return Replaced(len(new_events) + len(new_relations), removed, len(mine))
+
+
+def _event(
+    action: Action, things: dict[str, str], names: dict[str, str], times: Callable[[int], int | None]
+) -> Event:
+    *actors, verb, preposition = action.words
+    roles = [Role(name=role, target=things[who]) for role, who in zip(ROLES, actors, strict=True) if who]
+    text, references = "", list[TextReference]()
+    subject, thing, place = ({role.name: role.target for role in roles}.get(name) for name in ROLES)
+    said = [(subject, ""), (None, _VERBS[str(verb)]), (thing, "")]
+    if preposition:
+        said += [(None, _PREPOSITIONS[preposition]), (place, "")]
+    for target, fixed in said:
+        if word := fixed or names.get(target or "", target or ""):
+            text += " " * bool(text)
+            if target:
+                references.append(TextReference(start=len(text), end=len(text) + len(word), target=target))
+            text += word
+    properties = [Property("confidence", f"{action.confidence:.2f}")]
+    if preposition:
+        properties.append(Property("preposition", preposition))
+    return Event(
+        id="",
+        type=f"{verb}_{preposition.lower()}" if preposition else str(verb),
+        tier="event",
+        status="proposed",
+        author=AUTHOR,
+        text=text,
+        segments=(
+            Segment(
+                start_frame=action.start,
+                end_frame=action.end,
+                start_ns=times(action.start),
+                end_ns=times(action.end),
+            ),
+        ),
+        roles=tuple(roles),
+        references=tuple(references),
+        properties=tuple(properties),
+    )
+
+
+def _times(session: Session) -> Callable[[int], int | None]:
+    """When a frame was; of the one after the last, a usual step later."""
+    times: list[int | None] = clock_table(session)["t_ns"].to_pylist()
+    n = len(times)
+
+    def at(frame: int) -> int | None:
+        if frame < n:
+            return times[frame]
+        last, before = (times[-1], times[-2]) if n > 1 else (None, None)
+        return None if last is None or before is None else last + (last - before)
+
+    return at
+
+
+def _decided(session: Session, layer: str) -> set[str]:
+    """Ids of what is proposed in a layer that people have accepted or rejected."""
+    decisions = (d for record in session.manifest.layers for d in session.layer(record.name).decisions)
+    return {d.proposal.removeprefix(f"{layer}/") for d in decisions if d.proposal.startswith(f"{layer}/")}
+
+
+def _is_there(item: Event | Relation, there: Sequence[Event | Relation]) -> bool:
+    """Whether the same is said by one that stays, whatever its id and how sure it is."""
+
+    def meaning(one: Event | Relation) -> Event | Relation:
+        return replace(
+            one, id="", author="", status="proposed", **({"properties": ()} if isinstance(one, Event) else {})
+        )
+
+    return any(type(one) is type(item) and meaning(one) == meaning(item) for one in there)
+
+
+def _numbers(items: Iterable[Event | Relation], letter: str) -> list[int]:
+    return _numbers_of((item.id for item in items), letter)
+
+
+def _numbers_of(ids: Iterable[str], letter: str) -> list[int]:
+    return [0, *(int(name[1:]) for name in ids if name[:1] == letter and name[1:].isdecimal())]
+
+
+def _objects(session: Session) -> tuple[AnnotatedObject, ...]:
+    """The objects of people's and importers' layer, and those that the machine's has besides."""
+    found: dict[str, AnnotatedObject] = {}
+    for name in ("main", MACHINE):
+        if session.manifest.layer(name) is not None:
+            for thing in session.layer(name).objects:
+                found.setdefault(thing.id, thing)
+    return tuple(found.values())
+
+
+def _taking_part(session: Session, layer: Layer) -> tuple[AnnotatedObject, ...]:
+    """The objects of the machine's layer: those it has, and those that take part now, without their key frames."""
+    known = {thing.id: thing for thing in _objects(session)}
+    found = {thing.id: thing for thing in layer.objects}
+    targets = [
+        role.target.split("/")[0] for event in layer.events for role in event.roles if role.kind != "event"
+    ]
+    targets += [target for relation in layer.relations for target in relation.targets]
+    for target in targets:
+        if target not in found:
+            made = AnnotatedObject(
+                id=target, name=target, kind="rig" if target == _PERFORMER else "other", origin="tracked"
+            )
+            found[target] = replace(known.get(target, made), key_frames=(), key_frames_3d=())
+    return tuple(found[name] for name in sorted(found))

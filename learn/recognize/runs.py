@@ -1,0 +1,216 @@
+"""Which model is in a run's folder, how it is trained, and how it is read again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, Protocol, get_args
+
+from ecat.errors import CorruptError, InputError, NotFoundError
+from ecat.progress import Progress, silent
+from ecat.store import staged_file
+from learn.features.windows import Floats, Table
+from learn.recognize import model as boosted
+from learn.recognize.dataset import LabelledSession
+from learn.recognize.mixture import PARTS, Mixture, joined
+from learn.recognize.model import CONFIG, Recognized
+
+Model = Literal[
+    "trees",
+    "mlp",
+    "quant-lstm",
+    "quant-lstm-crf",
+    "qual-lstm-crf",
+    "sparse-lstm-crf",
+    "hmm",
+    "lds",
+    "neural",
+    "mixture",
+]
+MODELS: tuple[str, ...] = get_args(Model)
+BEST: Model = "mixture"
+
+
+class Recognizer(Protocol):
+    """Whatever says what windows show."""
+
+    def recognize(self, sessions: Sequence[Floats]) -> Recognized:
+        """What the windows of sessions, each of points (n, 21, 3), show."""
+        ...
+
+    def on_table(self, table: Table) -> Recognizer:
+        """The same recogniser for sessions whose table is known; one that knows of no table stays as it is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Options:
+    """What may be said about training; what is not, is as usual for the model.
+
+    Attributes
+    ----------
+    trees : of boosted trees, of each class in each of their models.
+    epochs, hidden, layers, rate, validation : of a network.
+    """
+
+    seed: int = 0
+    trees: int | None = None
+    epochs: int | None = None
+    hidden: int | None = None
+    layers: int | None = None
+    rate: float | None = None
+    validation: float | None = None
+
+    def of_trees(self) -> boosted.Settings:
+        """Settings of boosted trees."""
+        usual = boosted.Settings(seed=self.seed)
+        return usual if self.trees is None else replace(usual, n_trees=self.trees)
+
+    def of_network(self, name: str) -> Any:
+        """Settings of a network."""
+        from learn.recognize.neural.recognizer import RECIPES
+
+        said = {
+            "epochs": self.epochs,
+            "hidden": self.hidden,
+            "layers": self.layers,
+            "rate": self.rate,
+            "validation": self.validation,
+        }
+        recipe = RECIPES["neural" if name == "mixture" else name]
+        return replace(recipe, seed=self.seed, **{k: v for k, v in said.items() if v is not None})
+
+
+def train(
+    name: str,
+    sessions: Sequence[LabelledSession],
+    options: Options,
+    *,
+    run: Path | None = None,
+    progress: Progress = silent,
+) -> tuple[Recognizer, dict[str, Any]]:
+    """A recogniser that has seen these sessions and nothing else, and what is to be known of how that went.
+
+    Parameters
+    ----------
+    name : one of :data:`MODELS`.
+    run : a folder in which the training of a network is kept after every epoch, and from which it goes on.
+    """
+    if name == "trees":
+        return boosted.train(sessions, options.of_trees(), progress), {}
+    if name in ("hmm", "lds"):
+        from learn.recognize import sequence
+
+        return sequence.train(sessions, name, progress), {}
+    from learn.recognize.neural import recognizer
+
+    kept = None if run is None else run / recognizer.CHECKPOINT
+    settings = options.of_network(name)
+    if name == "mixture":
+        from learn.recognize import mixture
+
+        trained, found = mixture.train(
+            sessions, options.of_trees(), settings, checkpoint=kept, progress=progress
+        )
+    else:
+        found = recognizer.train(sessions, settings, checkpoint=kept, progress=progress)
+        trained = found.recognizer
+    said = {"history": vars(found.history), "validation": [list(key) for key in found.validation]}
+    return trained, said
+
+
+def save(recognizer: Recognizer, run: Path) -> None:
+    """Write a recogniser into the folder ``run``.
+
+    Raises
+    ------
+    StoreError : it cannot be written.
+    """
+    if isinstance(recognizer, boosted.Recognizer):
+        boosted.save(recognizer, run)
+        return
+    if isinstance(recognizer, Mixture):
+        for part in PARTS:
+            save(getattr(recognizer, part), run / part)
+        config: Any = {"model": "mixture", "parts": list(PARTS)}
+    else:
+        config = _module_of(recognizer).save(recognizer, run)
+    with staged_file(run / CONFIG, replaces=b"{") as staging:
+        staging.write_text(json.dumps(config, indent=1) + "\n", "utf-8")
+
+
+def finish(
+    recognizer: Recognizer, sessions: Sequence[LabelledSession], course: dict[str, Any], run: Path
+) -> dict[str, Any]:
+    """Draw how a training went and what it took for what in validation, and score that; the checkpoint goes."""
+    if "history" not in course:
+        return {}
+    from learn.recognize.evaluation import WAYS, draw_confusions, predicted, scores
+    from learn.recognize.neural.pictures import draw_curves
+    from learn.recognize.neural.recognizer import CHECKPOINT
+    from learn.recognize.neural.training import History
+
+    draw_curves(History(**course["history"]), run / "curves.png")
+    (run / CHECKPOINT).unlink(missing_ok=True)
+    held = {tuple(key) for key in course["validation"]}
+    tested = [session for session in sessions if session.key in held]
+    if not tested:
+        return {}
+    found = predicted(tested, recognizer.recognize([session.points for session in tested]))
+    for way in WAYS:
+        draw_confusions(found, way, run / f"confusion_{way}.png")
+    return {"validation_scores": scores(found)}
+
+
+def load(run: Path) -> Recognizer:
+    """The recogniser in the folder ``run``; nothing in it is executed.
+
+    Raises
+    ------
+    NotFoundError : there is none.
+    InputError : it was trained with other features.
+    CorruptError : it is damaged.
+    """
+    if not (run / CONFIG).is_file():
+        fix = f"ecat learn recognize train DIR --run {run}"
+        raise NotFoundError(f"cannot use the model {run}", where=f"there is no {CONFIG}", fix=fix)
+    try:
+        config: Any = json.loads((run / CONFIG).read_text("utf-8"))
+        name = config.get("model", "trees")
+    except (ValueError, AttributeError) as error:
+        raise CorruptError(
+            f"cannot use the model {run}",
+            where=f"{CONFIG}: {error}",
+            consequence="nothing was recognised",
+            fix="train it again",
+        ) from None
+    if name not in MODELS:
+        raise InputError(
+            f"cannot use the model {run}",
+            where=f"it is a {name}, known are {', '.join(MODELS)}",
+            consequence="nothing was recognised",
+            fix="train it again",
+        )
+    if name == "trees":
+        return boosted.load(run)
+    if name == "mixture":
+        return joined([load(run / part) for part in PARTS], run)
+    if name in ("hmm", "lds"):
+        from learn.recognize import sequence
+
+        return sequence.load(run, config)
+    from learn.recognize.neural import recognizer
+
+    return recognizer.load(run, config)
+
+
+def _module_of(recognizer: Recognizer) -> Any:
+    from learn.recognize import sequence
+
+    if isinstance(recognizer, sequence.SequenceRecognizer):
+        return sequence
+    from learn.recognize.neural import recognizer as neural
+
+    return neural

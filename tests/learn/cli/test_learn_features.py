@@ -1,0 +1,120 @@
+"""``ecat learn features``: sessions and exports in, a table of a named set out, or one error."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow.parquet as pq
+import pytest
+
+from learn.features.sets import SETS
+from tests.learn.features import sessions
+from tests.learn.recognize import made
+
+if TYPE_CHECKING:
+    from conftest import Ecat
+
+
+@pytest.fixture(scope="module")
+def processed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return sessions.make(tmp_path_factory.mktemp("s") / "slide", sessions.draft()).path
+
+
+@pytest.fixture
+def exports(tmp_path: Path) -> Path:
+    return made.exports(tmp_path / "exports", 2)
+
+
+def test_the_sets_are_listed_with_their_columns(ecat: Ecat) -> None:
+    listed = ecat("learn", "features", "--list", "--json").json["sets"]
+    assert [row["set"] for row in listed] == list(SETS)
+    assert {row["set"]: row["columns"] for row in listed}["ch5-qualitative"] == 13
+    assert all(len(row["names"]) == row["columns"] for row in listed)
+    text = ecat("learn", "features", "--list").out
+    assert all(name in text for name in SETS)
+
+
+def test_features_of_a_session_are_a_table_that_says_what_it_is(
+    processed: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    dest = tmp_path / "f.parquet"
+    result = ecat(
+        "learn", "features", processed, "--set", "ch5-qualitative", "--every", 2, "-o", dest, "--json"
+    )
+    assert result.code == 0, result.err
+    table = pq.read_table(dest)
+    assert table.column_names == ["session", "frame", *SETS["ch5-qualitative"].columns()]
+    assert table["frame"].to_pylist()[:3] == [0, 2, 4]
+    assert result.json["rows"] == table.num_rows == result.json["sessions"]["slide"]
+    assert table.schema.metadata[b"ecat:features"] == b"ch5-qualitative"
+
+
+def test_what_was_fitted_to_training_recordings_is_applied_to_others(
+    exports: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    train, test, planes = tmp_path / "train.parquet", tmp_path / "test.parquet", tmp_path / "planes.json"
+    first = ecat(
+        "learn", "features", exports / "pushto.txt", "--set", "ch4-pcas", "--fit", planes, "-o", train
+    )
+    assert first.code == 0, first.err
+    said = planes.read_bytes()
+    other = exports / "deeper" / "pullpast.txt"
+    second = ecat("learn", "features", other, "--set", "ch4-qsr", "--transform", planes, "-o", test, "--json")
+    assert second.code == 0, second.err
+    assert second.json["sessions"] == {"pullpast/pullpast1": 45, "pullpast/pullpast2": 45}
+    assert planes.read_bytes() == said
+
+
+def test_recordings_that_lack_something_are_named_and_the_others_written(
+    processed: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    project, dest = tmp_path / "project", tmp_path / "f.parquet"
+    shutil.copytree(processed, project / "good")
+    bare = sessions.without(sessions.draft(), "joints")
+    sessions.make(project / "bare", bare, process=False)
+    result = ecat("learn", "features", project, "--set", "ch4-raw", "-o", dest, "--json")
+    assert result.code == 1
+    assert list(result.json["sessions"]) == ["slide"]
+    assert "no joints" in result.json["failures"][0]["where"]
+    assert dest.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("--set", "ch5-network", "-o", "OUT"), 2, "SOURCE"),
+        (("SESSION", "-o", "OUT"), 2, "--set"),
+        (("SESSION", "--set", "ch5-network"), 2, "-o FILE"),
+        (("SESSION", "--set", "ch7", "-o", "OUT"), 2, "ch5-network"),
+        (("SESSION", "--set", "ch4-qsr", "-o", "OUT"), 2, "--fit"),
+        (("SESSION", "--set", "ch4-raw", "--fit", "t.json", "-o", "OUT"), 2, "no transform"),
+        (("SESSION", "--set", "ch4-qsr", "--fit", "a", "--transform", "b", "-o", "OUT"), 2, "one of them"),
+        (("SESSION", "--set", "ch4-qsr", "--transform", "none.json", "-o", "OUT"), 1, "none.json"),
+        (("SESSION", "--set", "ch5-network", "--objects", "Shell", "x", "-o", "OUT"), 2, "Stella Artois"),
+        (("nowhere", "--set", "ch5-network", "-o", "OUT"), 1, "nowhere"),
+        (("EXPORTS", "--set", "ch5-network", "-o", "OUT"), 2, "table"),
+    ],
+)
+def test_a_wrong_call_is_one_error_and_leaves_no_file(
+    arguments: tuple[str, ...],
+    code: int,
+    said: str,
+    processed: Path,
+    exports: Path,
+    tmp_path: Path,
+    ecat: Ecat,
+) -> None:
+    dest = tmp_path / "f.parquet"
+    places = {"SESSION": processed, "OUT": dest, "EXPORTS": exports}
+    result = ecat("learn", "features", *(places.get(word, word) for word in arguments), "--json")
+    assert result.code == code
+    assert said in str(result.json["error"])
+    assert not dest.exists()
+
+
+def test_a_file_that_is_no_export_is_one_error(tmp_path: Path, ecat: Ecat) -> None:
+    (tmp_path / "notes.txt").write_text("hello", "utf-8")
+    result = ecat("learn", "features", tmp_path, "--set", "ch4-raw", "-o", tmp_path / "f.parquet", "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "FormatError")

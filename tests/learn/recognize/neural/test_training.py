@@ -1,0 +1,117 @@
+"""Training: the same seed gives the same network, also when it was killed in between."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ecat.errors import CorruptError, InputError
+from learn.recognize.neural.checkpoints import read_tensors, write_tensors
+from learn.recognize.neural.networks import Dense, RawNetwork, SlotNetwork
+from learn.recognize.neural.pictures import draw_curves
+from learn.recognize.neural.training import History, Settings, fit
+
+GENERATOR = torch.Generator().manual_seed(0)
+INPUTS = torch.randn(60, 4, generator=GENERATOR)
+LABELS = (INPUTS[:, :1] > 0).long().expand(-1, 5).contiguous()
+SGD = Settings("mlp", epochs=6, batch=20, rate=0.5, keep=0.8)
+WINDOWS = torch.randn(40, 20, 75, generator=GENERATOR) / 10
+SHARES = torch.eye(3)[torch.randint(3, (40,), generator=GENERATOR)]
+ADAM = replace(SGD, model="neural", decay=0, rate=1e-2)
+
+
+def trained(
+    settings: Settings, *, epochs: int = 6, checkpoint: Path | None = None, identity: str = "it"
+) -> tuple[dict[str, torch.Tensor], History]:
+    """Train as far as ``epochs`` of what the settings say, as if killed then."""
+
+    def kill(what: str, done: int, total: int) -> None:
+        if done == epochs < total:
+            raise KeyboardInterrupt
+
+    torch.manual_seed(settings.seed)
+    raw = settings.model == "neural"
+    network = RawNetwork(3, 8, 0.2) if raw else SlotNetwork(Dense(4, 8, 0.8), 8, crf=True)
+    inputs, targets = (WINDOWS, SHARES) if raw else (INPUTS, LABELS)
+    history = History()
+    with suppress(KeyboardInterrupt):
+        history = fit(
+            network, inputs, targets, settings, checkpoint=checkpoint, identity=identity, progress=kill
+        )
+    return network.state_dict(), history
+
+
+@pytest.mark.parametrize("settings", [SGD, ADAM])
+def test_training_that_was_killed_goes_on_as_if_nothing_had_been(settings: Settings, tmp_path: Path) -> None:
+    whole, history = trained(settings)
+    trained(settings, epochs=3, checkpoint=tmp_path / "c.npz")
+    torch.manual_seed(99)
+    resumed, same = trained(settings, checkpoint=tmp_path / "c.npz")
+    assert same == history
+    for name, values in whole.items():
+        torch.testing.assert_close(resumed[name], values, rtol=0, atol=0)
+
+
+def test_losses_fall() -> None:
+    _, history = trained(SGD)
+    assert history.losses[-1] < 0.7 * history.losses[0]
+
+
+def test_another_seed_gives_another_network() -> None:
+    one, other = trained(SGD)[0], trained(replace(SGD, seed=1))[0]
+    assert any(not torch.equal(values, other[name]) for name, values in one.items())
+
+
+def test_it_stops_when_validation_gets_no_better_and_keeps_the_best() -> None:
+    torch.manual_seed(0)
+    network = SlotNetwork(Dense(4, 8, 1.0), 8, crf=False)
+    said = iter([0.1, 0.5, 0.4, 0.5, 0.3, 0.9])
+    weights: list[torch.Tensor] = []
+
+    def validate() -> float:
+        weights.append(next(network.parameters()).detach().clone())
+        return next(said)
+
+    history = fit(network, INPUTS, LABELS, replace(SGD, patience=3), validate=validate)
+    assert (history.best, history.scores) == (1, [0.1, 0.5, 0.4, 0.5, 0.3])
+    torch.testing.assert_close(next(network.parameters()).detach(), weights[1])
+
+
+def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
+    trained(SGD, epochs=2, checkpoint=tmp_path / "c.npz")
+    with pytest.raises(InputError, match="cannot go on"):
+        trained(SGD, checkpoint=tmp_path / "c.npz", identity="another")
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", b"\x80\x04K\x01."])
+def test_a_damaged_checkpoint_is_one_error(damage: bytes, tmp_path: Path) -> None:
+    (tmp_path / "c.npz").write_bytes(damage)
+    with pytest.raises(CorruptError):
+        trained(SGD, checkpoint=tmp_path / "c.npz")
+
+
+def test_a_pickle_among_the_arrays_is_not_read(tmp_path: Path) -> None:
+    np.savez(tmp_path / "c.npz", text=np.zeros(0, np.uint8), evil=np.array([print], object))
+    with pytest.raises(CorruptError):
+        read_tensors(tmp_path / "c.npz")
+
+
+def test_tensors_come_back_as_they_were(tmp_path: Path) -> None:
+    written = {"a": torch.randn(2, 3), "b.c": torch.tensor(7), "d": torch.zeros(0)}
+    write_tensors(tmp_path / "t.npz", written, "kept")
+    read, text = read_tensors(tmp_path / "t.npz")
+    assert text == "kept"
+    assert set(read) == set(written)
+    assert all(torch.equal(read[name], values) for name, values in written.items())
+
+
+@pytest.mark.parametrize("history", [History([3.0, 2.0], [0.1, 0.2], 1), History([1.0])])
+def test_curves_are_a_picture(history: History, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="Matplotlib is not installed: pip install 'ecat[plots]'")
+    draw_curves(history, tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")

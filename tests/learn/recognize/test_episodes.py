@@ -1,0 +1,185 @@
+"""A session of many actions is recognised movement by movement, and windows become spans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ecat.errors import InputError
+from ecat.geometry.transforms import Rigid
+from learn.features.recordings import Recording
+from learn.features.windows import Floats, Table, n_windows
+from learn.recognize.episodes import Action, Episode, episodes, recognize
+from learn.recognize.model import Recognized
+from tests.learn.recognize import made
+
+VOCABULARY = np.array([[0, 0, 0, 0, 0], [1, 2, 0, 1, 0], [1, 2, 3, 1, 3]], np.int8)
+"""Nothing; the performer pushes box 1; to box 2."""
+
+
+@dataclass
+class Says:
+    """A recogniser that says what it is told, window by window, and remembers what it was shown."""
+
+    labels: Sequence[int]
+    seen: list[Floats] = field(default_factory=list[Floats])
+    tables: list[Table] = field(default_factory=list[Table])
+
+    def on_table(self, table: Table) -> Says:
+        self.tables.append(table)
+        return self
+
+    def recognize(self, sessions: Sequence[Floats]) -> Recognized:
+        self.seen += sessions
+        n = sum(n_windows(len(points)) for points in sessions)
+        probabilities = np.full((n, 3), 0.1)
+        probabilities[np.arange(n), (list(self.labels) * n)[:n]] = 0.8
+        return Recognized(VOCABULARY, probabilities, probabilities)
+
+
+def recording(points: Floats, fps: float | None = 30.0) -> Recording:
+    t_s = None if fps is None else np.arange(len(points)) / fps
+    return Recording("s", points, None, t_s, ("o1", "o2"))
+
+
+def long(*moves: tuple[int, int], n: int = 600) -> Floats:
+    """Box 1 goes 0.3 m to the right from each first frame to each last, and stands still otherwise."""
+    points = np.repeat(made.scene(1)[:1], n, axis=0)
+    x = np.zeros(n)
+    for start, end in moves:
+        x += 0.3 * np.clip((np.arange(n) - start) / (end - start), 0, 1)
+    points[:, 13:17, 0] += x[:, None]
+    return points
+
+
+def test_a_short_session_is_one_episode() -> None:
+    (one,) = episodes(recording(made.scene(1)))
+    assert one.points == pytest.approx(made.scene(1))
+    assert one.frame.tolist() == list(range(made.N_FRAMES + 1))
+
+
+def test_a_long_session_is_cut_into_its_movements_with_a_margin() -> None:
+    found = episodes(recording(long((100, 140), (300, 350))))
+    assert len(found) == 2
+    for one, (start, end) in zip(found, ((100, 140), (300, 350)), strict=True):
+        assert one.frame[0] == pytest.approx(start - 10, abs=6)
+        assert one.frame[-1] == pytest.approx(end + 10, abs=6)
+        assert len(one.frame) == len(one.points) + 1
+
+
+def test_movements_with_a_short_pause_are_one() -> None:
+    assert len(episodes(recording(long((100, 140), (150, 190))))) == 1
+
+
+def test_where_nothing_moves_nothing_is_recognised() -> None:
+    assert recognize(recording(long()), Says([1])) == []
+
+
+def test_places_of_poses_count_more_than_those_of_markers() -> None:
+    tracks = np.zeros((2, 600, 3))
+    tracks[1, :, 0] = 0.3 * np.clip((np.arange(600) - 400) / 40, 0, 1)
+    (one,) = episodes(replace(recording(long((100, 140))), tracks=tracks))
+    assert one.frame[0] == pytest.approx(390, abs=6)
+
+
+def test_movements_that_the_session_knows_are_taken_and_those_of_both_boxes_at_once_are_one() -> None:
+    moves = ((100, 140), (120, 150), (150, 190), (400, 430), (640, 700))
+    found = episodes(replace(recording(long((300, 340))), moves=moves))
+    assert [(one.frame[0], one.frame[-1]) for one in found] == [(90, 160), (140, 200), (390, 440)]
+    assert episodes(replace(recording(long((300, 340))), moves=())) == []
+
+
+def test_spans_are_from_middle_to_middle_and_parts_without_an_action_are_left_out() -> None:
+    points = np.repeat(made.scene(1)[:1], 45, axis=0)  # windows of frames 0:20, 5:25, ... 25:45
+    found = recognize(recording(points), Says([0, 1, 1, 2, 2, 0]))
+    push = ("Performer", "Object_1", None, "push", None)
+    to = ("Performer", "Object_1", "Object_2", "push", "To")
+    assert found == [
+        Action(12, 22, push, pytest.approx(0.8)),  # pyright: ignore[reportArgumentType]
+        Action(22, 32, to, pytest.approx(0.8)),  # pyright: ignore[reportArgumentType]
+    ]
+
+
+@given(st.lists(st.integers(0, 2), min_size=1, max_size=12), st.integers(20, 140))
+def test_spans_are_in_order_within_the_session_and_apart(labels: list[int], n: int) -> None:
+    found = recognize(recording(np.repeat(made.scene(1)[:1], n, axis=0)), Says(labels))
+    assert all(0 <= one.start < one.end <= n for one in found)
+    assert all(a.end <= b.start for a, b in pairwise(found))
+    assert all(a.words != b.words or a.end < b.start for a, b in pairwise(found))
+
+
+@pytest.mark.parametrize(("fps", "n"), [(60.0, 200), (15.0, 50), (10.0, 40)])
+def test_other_rates_become_the_usual_one_and_spans_are_frames_of_the_session(fps: float, n: int) -> None:
+    says = Says([1])
+    (one,) = recognize(recording(made.scene(1, n_frames=n), fps), says)
+    assert len(says.seen[0]) == pytest.approx(n * 30 / fps, abs=3)
+    assert 0 < one.start < one.end < n
+    assert (one.end - one.start) / fps == pytest.approx((len(says.seen[0]) - 17.5) / 30, abs=6 / 30)
+    x = made.scene(1, n_frames=n)[:, 13, 0]
+    assert says.seen[0][:, 13, 0].min() == pytest.approx(x.min(), abs=1e-6)
+    assert says.seen[0][:, 13, 0].max() == pytest.approx(x.max(), abs=0.02)
+
+
+@pytest.mark.parametrize("fps", [24.0, 30.0, None])
+def test_usual_rates_and_unknown_ones_stay_as_they_are(fps: float | None) -> None:
+    says = Says([1])
+    recognize(recording(made.scene(1), fps), says)
+    assert (says.seen[0] == made.scene(1)).all()
+
+
+def test_long_gaps_are_not_filled_by_resampling() -> None:
+    points = made.scene(1, n_frames=90)
+    points[30:70, 13:17] = np.nan
+    (one,) = episodes(recording(points, 60.0))
+    assert np.isnan(one.points[20:30, 13]).all()
+    assert np.isfinite(one.points[20:30, 17]).all()
+
+
+def test_a_moved_camera_parts_what_is_recognised() -> None:
+    planes = ((0, Rigid.identity()), (300, Rigid.identity()))
+    moved = replace(recording(long((280, 320))), planes=planes)
+    found = episodes(moved)
+    assert [one.frame[-1] <= 300 or one.frame[0] >= 300 for one in found] == [True] * len(found)
+    says = Says([1])
+    recognize(moved, says)
+    assert says.tables == [one.table for one in found if one.table is not None]
+
+
+def test_the_table_of_the_session_is_told_where_it_is_known() -> None:
+    below = Rigid(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
+    says = Says([1])
+    recognize(replace(recording(made.scene(1)), planes=((0, below),)), says)
+    assert [table.slope for table in says.tables] == [0.0]
+    recognize(recording(made.scene(1)), says)
+    assert len(says.tables) == 1
+
+
+def test_a_session_shorter_than_a_window_is_refused_with_its_length() -> None:
+    for n in (0, 1, 19):
+        with pytest.raises(InputError) as error:
+            recognize(recording(made.scene(1)[:n]), Says([1]))
+        assert f"{n} frames" in error.value.where
+
+
+def test_a_session_of_too_few_frames_per_second_is_refused_and_hours_without_any_are_not_filled() -> None:
+    with pytest.raises(InputError) as error:
+        episodes(recording(made.scene(1), 5.0))
+    assert "5.0 frames per second" in error.value.where
+    t_s = np.arange(made.N_FRAMES) / 60
+    t_s[-1] = 1e9
+    (one,) = episodes(replace(recording(made.scene(1)), t_s=t_s))
+    assert len(one.points) == made.N_FRAMES
+
+
+def test_what_was_never_seen_does_not_move() -> None:
+    points = long((100, 140))
+    points[:, 17:] = np.nan
+    points[:, :13] = np.nan
+    (one,) = episodes(recording(points))
+    assert isinstance(one, Episode)

@@ -1,0 +1,161 @@
+"""What is recognised becomes proposals in the machine's layer beside those of others; only its own are replaced."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ecat.annotate.queries import proposals
+from ecat.check import check
+from ecat.errors import UsageError
+from ecat.model import Event, Relation
+from ecat.model.annotation import MACHINE, Argument, Decision
+from ecat.process import process_session
+from ecat.store import Session, open_session
+from learn.features.recordings import Recording, read_session
+from learn.recognize.episodes import Action
+from learn.recognize.proposals import AUTHOR, Replaced, events_of, replace_proposals
+from tests.learn.features import sessions
+from tests.learn.features.sessions import SHELL, STELLA
+
+PUSH = Action(40, 60, ("Performer", "Object_1", None, "push", None), 0.7)
+PAST = Action(60, 90, ("Performer", "Object_1", "Object_2", "push", "Past"), 0.912)
+ROLL = Action(100, 164, ("Object_2", None, "Object_1", "roll", "From"), 0.5)
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return sessions.make(tmp_path / "slide", sessions.draft(), process=False)
+
+
+def events(session: Session, *actions: Action) -> tuple[Event, ...]:
+    return events_of(session, read_session(session), actions)
+
+
+def mine(session: Session) -> list[Event]:
+    return [event for event in session.layer(MACHINE).events if event.author == AUTHOR]
+
+
+def test_an_event_says_who_does_what_to_what_where_and_how_sure_that_is(session: Session) -> None:
+    push, past, roll = events(session, PUSH, PAST, ROLL)
+    assert (push.type, push.text) == ("push", "Performer 1 pushes Shell")
+    assert (past.type, past.text) == ("push_past", "Performer 1 pushes Shell past Stella Artois")
+    assert (roll.type, roll.text) == ("roll_from", "Stella Artois rolls away from Shell")
+    assert {role.name: role.target for role in past.roles} == {
+        "Subject": "o1",
+        "Object": SHELL,
+        "Locative": STELLA,
+    }
+    assert {role.name: role.target for role in roll.roles} == {"Subject": STELLA, "Locative": SHELL}
+    assert {one.name: one.value for one in past.properties} == {"confidence": "0.91", "preposition": "Past"}
+    assert [past.text[r.start : r.end] for r in past.references] == ["Performer 1", "Shell", "Stella Artois"]
+    assert all(event.status == "proposed" and event.tier == "event" for event in (push, past, roll))
+    (segment,) = roll.segments
+    assert (segment.start_frame, segment.end_frame) == (100, 164)
+    assert segment.start_ns is not None
+    assert segment.end_ns is not None
+    assert segment.end_ns - segment.start_ns == pytest.approx(64e9 / 30, rel=0.02)
+
+
+def test_proposals_are_listed_for_people_and_the_session_stays_whole(session: Session) -> None:
+    assert replace_proposals(session, AUTHOR, events(session, PUSH, PAST)) == Replaced(2, 0, 0)
+    rows = proposals(open_session(session.path), "main")
+    assert [(row["what"], row["frames"], row["confidence"]) for row in rows] == [
+        ("Performer 1 pushes Shell", "40:60", "0.70"),
+        ("Performer 1 pushes Shell past Stella Artois", "60:90", "0.91"),
+    ]
+    published = open_session(session.path).events.to_arrow().to_pylist()
+    assert sum(row["layer"] == MACHINE for row in published) == 2
+    assert [finding for finding in check(session.path) if finding.severity != "note"] == []
+
+
+def test_a_second_call_replaces_the_first_with_new_names(session: Session) -> None:
+    replace_proposals(session, AUTHOR, events(session, PUSH, PAST))
+    before = {event.id for event in mine(session)}
+    assert replace_proposals(session, AUTHOR, events(session, ROLL)) == Replaced(1, 2, 0)
+    (left,) = mine(session)
+    assert left.type == "roll_from"
+    assert left.id not in before
+    assert replace_proposals(session, AUTHOR) == Replaced(0, 1, 0)
+    assert mine(session) == []
+
+
+def test_another_layer_may_be_named_but_not_a_persons(session: Session) -> None:
+    assert replace_proposals(session, AUTHOR, events(session, PUSH), layer="second").added == 1
+    assert [event.text for event in session.layer("second").events] == ["Performer 1 pushes Shell"]
+    with pytest.raises(UsageError, match="main"):
+        replace_proposals(session, AUTHOR, events(session, PUSH), layer="main")
+    assert all(event.author != AUTHOR for event in session.layer("main").events)
+
+
+def test_nothing_to_change_changes_nothing(session: Session) -> None:
+    revision = session.manifest.revision
+    assert replace_proposals(session, AUTHOR) == Replaced(0, 0, 0)
+    assert open_session(session.path).manifest.revision == revision
+
+
+def test_what_others_proposed_and_what_people_said_stays(session: Session) -> None:
+    process_session(session.path)
+    session.refresh()
+    theirs, people = session.layer(MACHINE), session.layer("main")
+    assert theirs.events
+    replace_proposals(session, AUTHOR, events(session, PUSH, PAST))
+    now = session.layer(MACHINE)
+    assert [event for event in now.events if event.author != AUTHOR] == list(theirs.events)
+    assert now.relations == theirs.relations
+    assert session.layer("main") == people
+    replace_proposals(session, AUTHOR)
+    assert session.layer(MACHINE).events == theirs.events
+
+
+def test_what_people_decided_about_stays_and_is_not_proposed_again(session: Session) -> None:
+    replace_proposals(session, AUTHOR, events(session, PUSH, PAST))
+    first, second = mine(session)
+    rejected = Decision(proposal=f"{MACHINE}/{first.id}", verdict="rejected", author="ann")
+    with session.write() as commit:
+        commit.put_layer(replace(session.layer("main"), decisions=(rejected,)))
+    found = replace_proposals(session, AUTHOR, events(session, PUSH, ROLL))
+    assert found == Replaced(1, 1, 1)
+    assert mine(session)[0].id == first.id
+    assert second.id not in {event.id for event in mine(session)}
+    row = next(row for row in proposals(session, "main") if row["proposal"] == f"{MACHINE}/{first.id}")
+    assert row["decision"] == "rejected"
+
+
+def test_a_performer_whom_nobody_annotated_is_made(tmp_path: Path) -> None:
+    draft = sessions.without_people(sessions.without(sessions.draft(), "joints"))
+    session = sessions.make(tmp_path / "s", draft, process=False)
+    replace_proposals(session, AUTHOR, events(session, PUSH))
+    assert {thing.id: thing.kind for thing in session.layer(MACHINE).objects} == {
+        SHELL: "marker_box",
+        "performer": "rig",
+    }
+
+
+def test_relations_of_one_author_are_replaced_apart_from_those_of_another(session: Session) -> None:
+    def relation(predicate: str) -> Relation:
+        targets = (Argument(target=SHELL), Argument(target=STELLA))
+        return Relation(
+            predicate=predicate,
+            start_frame=0,
+            end_frame=9,
+            source="computed",
+            status="proposed",
+            arguments=targets,
+        )
+
+    assert replace_proposals(session, "a", relations=[relation("cardir=n")]).added == 1
+    assert replace_proposals(session, "b", relations=[relation("mos=m")]).added == 1
+    assert replace_proposals(session, "a", relations=[relation("cardir=s")]) == Replaced(1, 1, 0)
+    layer = session.layer(MACHINE)
+    assert {(one.author, one.predicate) for one in layer.relations} == {("b", "mos=m"), ("a", "cardir=s")}
+    assert len({one.id for one in layer.relations}) == 2
+    assert {thing.id for thing in layer.objects} == {SHELL, STELLA}
+
+
+def test_recordings_say_which_objects_they_are_of(session: Session) -> None:
+    found: Recording = read_session(session, (STELLA, SHELL))
+    (push,) = events_of(session, found, [PUSH])
+    assert push.text == "Performer 1 pushes Stella Artois"
