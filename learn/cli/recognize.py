@@ -207,15 +207,17 @@ def crossval(
     """Say how good a recogniser is on sessions it has not seen, by five folds that are always the same.
 
     Each fifth of the sessions is recognised by what was trained on the other four; nothing is fitted to a session that
-    is tested.  RUN gets crossval.json (with baselines for trees; also without the sessions whose labels look
-    inverted), predictions.parquet and pictures of the confusions.  Folds of all but trees are kept in RUN/folds: the
-    same command goes on where it was interrupted.
+    is tested.  RUN gets crossval.json (with baselines for trees; also without the sessions whose labels look inverted),
+    predictions.parquet, pictures of the confusions, and limits.json and limits.png: how errors lie about changes of
+    the label, and in which slots.  Folds of all but trees are kept in RUN/folds: the same command goes on where it was
+    interrupted.
     """
     from dataclasses import replace
 
     from learn.recognize.crossval import cross_validate_model
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import PREDICTIONS, cross_validate, write_predictions
+    from learn.recognize.limits import draw_limits, limits
 
     options = _options(model, **said)
     with out.progress() as progress:
@@ -236,6 +238,8 @@ def crossval(
             )
     write_predictions(found, run / PREDICTIONS)
     _draw(found, run)
+    draw_limits(found, run / "limits.png")
+    _write_json(limits(found), run / "limits.json")
     _write_json(result, run / "crossval.json")
     lines = [_table(result["runs"]["0"])]
     lines += [

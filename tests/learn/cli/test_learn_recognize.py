@@ -103,7 +103,10 @@ def test_cross_validation_gives_a_table_pictures_and_predictions(tmp_path: Path,
     assert result.code == 0, result.err
     assert set(result.json["baselines"]) == {"majority", "marginals", "logistic"}
     assert set(result.json["runs"]) == {"0", "1"}
-    assert (run / "confusion_context.png").read_bytes().startswith(b"\x89PNG")
+    for picture in ("confusion_context.png", "limits.png"):
+        assert (run / picture).read_bytes().startswith(b"\x89PNG")
+    said = json.loads((run / "limits.json").read_text("utf-8"))["context"]
+    assert sum(row["windows"] for row in said["by_distance"]) == said["by_slot"]["windows"] == 120
     assert pq.read_table(run / "predictions.parquet")["session"].to_pylist()[::6][:3] == [
         "pullpast1",
         "pullpast2",
