@@ -14,7 +14,7 @@ from learn.features.windows import Floats, Table
 
 Channels = NDArray[np.float32]
 
-VERSION = "raw-1"
+VERSION = "raw-2"
 """Changes whenever a channel does: a model knows what it was trained with."""
 PLANE = slice(0, 42)
 """Of channels, x and y on the table of 13 joints and 8 corners, about the middle of both boxes in the window."""

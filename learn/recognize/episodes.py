@@ -21,6 +21,7 @@ from learn.features.points import JOINTS, N_POINTS
 from learn.features.recordings import Recording
 from learn.features.windows import HOP, LENGTH, Table
 from learn.recognize.dataset import words
+from learn.recognize.grammar import of_one_action
 from learn.recognize.runs import Recognizer
 
 Floats = NDArray[np.float64]
@@ -102,7 +103,9 @@ def recognize(recording: Recording, recognizer: Recognizer, progress: Progress =
         progress("recognising", done, len(stretches))
         asked = recognizer if episode.table is None else recognizer.on_table(episode.table)
         seen = asked.recognize([episode.points])
-        found += _spans(episode, seen.labels(seen.context).tolist(), seen.context.max(axis=1))
+        said = of_one_action(seen.vocabulary, seen.context)
+        sure = np.take_along_axis(seen.context, said[:, None], axis=1)[:, 0]
+        found += _spans(episode, seen.vocabulary[said].tolist(), sure)
     progress("recognising", len(stretches), len(stretches))
     return found
 

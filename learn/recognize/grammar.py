@@ -126,3 +126,15 @@ class Grammar:
             kept[:, :2, related] += ARRIVAL_WEIGHT * np.log(1 - share)[:, None]
             kept[:, 2, related] += ARRIVAL_WEIGHT * np.log(share)
         return kept
+
+
+def of_one_action(vocabulary: Labels, probabilities: Floats) -> NDArray[np.int64]:
+    """Of a session's windows (n, k) the places (n,) of labels that are most probable, all of them of one action.
+
+    Window by window, what is most probable may be of one action here and of another there.
+    """
+    parts = Grammar.of(vocabulary, Habits()).parts
+    share = np.where(parts >= 0, probabilities.sum(axis=0)[parts], 0.0)[:, 1:].sum(axis=1)
+    places = parts[share.argmax()]
+    places = places[places >= 0]
+    return places[probabilities[:, places].argmax(axis=1)]

@@ -19,6 +19,7 @@ from learn.features.ch4 import (
     qsr25,
     sparse522,
 )
+from learn.features.points import JOINTS
 from learn.features.raw import N_CHANNELS, raw_channels
 from learn.features.raw import VERSION as RAW
 from learn.features.windows import HOP, LENGTH, Floats, Table, fit_table, n_windows
@@ -32,6 +33,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     RAW: (LENGTH, N_CHANNELS),
 }
 """Of the inputs of a window."""
+_PLACES = slice(0, len(JOINTS))
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,21 @@ class Fitted:
     Attributes
     ----------
     name : one of :data:`SHAPES`.
-    fit : the projections of chapter 4 (mean and axes of two planes, 18 numbers), or the table (slope and height).
+    fit : the projections of chapter 4 (mean and axes of two planes, 18 numbers), or the table (slope and height) and
+        where joints usually are, which stand in for those of a session in which nobody was seen.
+
+    Raises
+    ------
+    ValueError : it is of another set.
     """
 
     name: str
     fit: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = 2 + 3 * len(JOINTS) if self.name == RAW else 18
+        if self.fit.shape != (n,) or not np.isfinite(self.fit).all():
+            raise ValueError(f"what was fitted to {self.name} is not {n} numbers")
 
     @classmethod
     def of(cls, name: str, sessions: Sequence[Floats]) -> Fitted:
@@ -58,7 +70,9 @@ class Fitted:
         points = np.concatenate(sessions)
         if name == RAW:
             table = fit_table(points)
-            return cls(name, np.array([table.slope, table.height]))
+            seen = points[:, _PLACES][np.isfinite(points[:, _PLACES]).all(axis=(1, 2))]
+            joints = np.median(seen, axis=0) if len(seen) else np.zeros((len(JOINTS), 3))
+            return cls(name, np.concatenate([[table.slope, table.height], joints.ravel()]))
         planes = fit_projections(points)
         parts = [(plane.mean, plane.components) for plane in (planes.inter, planes.intra)]
         return cls(name, np.concatenate([part.ravel() for pair in parts for part in pair]))
@@ -68,7 +82,12 @@ class Fitted:
         last = HOP * n_windows(len(points)) - HOP
         frames = np.arange(0, last + 1, step)[:, None] + np.arange(LENGTH)
         if self.name == RAW:
-            return raw_channels(points[frames], Table(*self.fit.tolist()))
+            if not np.isfinite(points[:, _PLACES]).any():
+                points = np.concatenate(
+                    [np.tile(self.fit[2:].reshape(-1, 3), (len(points), 1, 1)), points[:, len(JOINTS) :]],
+                    axis=1,
+                )
+            return raw_channels(points[frames], Table(*self.fit[:2].tolist()))
         places = pcas(_known(points), self._planes())
         if self.name == "ch4-pcas18":
             return places[frames].astype(np.float32)
@@ -80,7 +99,9 @@ class Fitted:
 
     def on_table(self, table: Table) -> Fitted:
         """The same where the table is known, if it is what was fitted."""
-        return Fitted(self.name, np.array([table.slope, table.height])) if self.name == RAW else self
+        if self.name != RAW:
+            return self
+        return Fitted(self.name, np.concatenate([[table.slope, table.height], self.fit[2:]]))
 
     def _planes(self) -> Projections:
         inter, intra = (Projection(one[:3], one[3:].reshape(2, 3)) for one in (self.fit[:9], self.fit[9:]))

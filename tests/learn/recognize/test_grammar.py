@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from learn.recognize.grammar import LEAST, WEIGHT, Grammar, Habits
+from learn.recognize.grammar import LEAST, WEIGHT, Grammar, Habits, of_one_action
 
 HABITS = Habits(0.1, 0.2)
 VOCABULARY = np.array([[0] * 5, [1, 2, 0, 1, 0], [1, 2, 3, 1, 3], [1, 3, 0, 2, 0], [1, 3, 2, 2, 1]], np.int8)
@@ -88,3 +88,16 @@ def test_an_action_that_never_gets_a_locative_is_not_asked_when() -> None:
         raise AssertionError(places)
 
     np.testing.assert_array_equal(grammar.smooth(sure, arrived), grammar.smooth(sure))
+
+
+def test_what_is_proposed_for_a_session_is_one_action() -> None:
+    undecided = np.array(
+        [[0.6, 0.2, 0.0, 0.2, 0.0], [0, 0.4, 0.1, 0.5, 0], [0, 0.2, 0.6, 0, 0.2], [0, 0, 0.4, 0, 0.6]]
+    )
+    assert undecided.argmax(axis=1).tolist() == [0, 3, 2, 4]
+    assert of_one_action(VOCABULARY, undecided).tolist() == [0, 1, 2, 2]
+
+
+def test_an_action_may_have_no_locative_in_the_vocabulary() -> None:
+    assert of_one_action(VOCABULARY[[0, 1]], np.array([[0.7, 0.3], [0.2, 0.8]])).tolist() == [0, 1]
+    assert of_one_action(VOCABULARY[[0]], np.ones((3, 1))).tolist() == [0, 0, 0]
