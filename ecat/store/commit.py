@@ -163,10 +163,10 @@ class Commit:
                 copied[target] = source
             self._there(name)
 
-    def write_streams(self, writers: Mapping[str, Callable[[Path], None]]) -> None:
+    def write_streams(self, writers: Mapping[str, Callable[[Path], None]], *, in_order: bool = False) -> None:
         """Let a function write the file of each stream named; it is given the path to write to.
 
-        They are called in threads, side by side.
+        They are called in threads, side by side, or ``in_order``.
         """
         works: list[Callable[[], None]] = []
         for name, write in writers.items():
@@ -177,7 +177,11 @@ class Commit:
                     f"cannot write the file of stream {name}", where=f"{target} is taken", fix=fix
                 )
             works.append(self._new.to_be_written(target, write))
-        run_together(works)
+        if in_order:
+            for work in works:
+                work()
+        else:
+            run_together(works)
         for name in writers:
             self._there(name)
 

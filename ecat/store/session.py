@@ -31,9 +31,9 @@ class Draft:
     manifest : without records of layers and tables; the store fills them, and size and sha256 of the streams
         it copies. layers, tables : what to write. files : name of a stream, and the file to copy to where the
         stream's ``file`` says (inside ``media/``). media : name of a stream, and the function that writes its file
-        to the path it is given; they are called in threads, side by side. finish : makes the manifest what it should be
-        once the media are written, for what only writing them tells; rows of ``tables`` that are made as they are asked
-        for are made after it.
+        to the path it is given. in_order : write media one after the other, as one depends on what another found, and
+        not in threads, side by side. finish : makes the manifest what it should be once the media are written, for what
+        only writing them tells; rows of ``tables`` that are made as they are asked for are made after it.
     """
 
     manifest: Manifest
@@ -41,6 +41,7 @@ class Draft:
     tables: Mapping[str, TableData] = field(default_factory=dict[str, TableData])
     files: Mapping[str, Path] = field(default_factory=dict[str, Path])
     media: Mapping[str, Callable[[Path], None]] = field(default_factory=dict[str, Callable[[Path], None]])
+    in_order: bool = False
     finish: Callable[[Manifest], Manifest] | None = None
 
 
@@ -350,7 +351,7 @@ def fill_session(folder: Path, draft: Draft, dest: Path) -> None:
     commit = Commit(new, manifest, _no_layer)
     with files.typed_errors(f"cannot create {dest.name}", dest, f"nothing was written to {dest}"):
         commit.copy_streams(draft.files)
-        commit.write_streams(draft.media)
+        commit.write_streams(draft.media, in_order=draft.in_order)
         if draft.finish is not None:
             commit.revise(draft.finish)
         for layer in draft.layers:

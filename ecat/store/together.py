@@ -30,15 +30,22 @@ def run_together(works: Sequence[Callable[[], None]]) -> None:
     def run(work: Callable[[], None]) -> None:
         _GIVEN_UP.set(given_up)
         go_on()
-        work()
-
-    with ThreadPoolExecutor(max(1, min(len(works), os.cpu_count() or 1))) as threads:
         try:
-            for done in as_completed([threads.submit(run, work) for work in works]):
-                done.result()
+            work()
         except BaseException:
             given_up.set()
             raise
+
+    with ThreadPoolExecutor(max(1, min(len(works), os.cpu_count() or 1))) as threads:
+        try:
+            ended = as_completed([threads.submit(run, work) for work in works])
+            errors = (done.exception() for done in ended)
+            failure = next((error for error in errors if not isinstance(error, GivenUp | None)), None)
+        except BaseException:  # whoever waits was interrupted
+            given_up.set()
+            raise
+    if failure is not None:
+        raise failure
 
 
 def go_on() -> None:

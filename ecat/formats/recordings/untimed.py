@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ecat.formats.format import ImportReport
-from ecat.formats.recordings.common import Track, tell_together
+from ecat.formats.recordings.common import Track
 from ecat.model import Camera, Clock, Manifest, Provenance
 from ecat.progress import Progress, silent
 from ecat.store import Draft, TableData, create_session
@@ -42,7 +42,8 @@ def create_untimed(
     FormatError : a stream has not one readable image.
     StoreError : ``dest`` is taken or cannot be written; nothing is left there.
     """
-    written = tell_together(tracks, progress)
+    for track in tracks:
+        track.progress = progress
 
     def finish(manifest: Manifest) -> Manifest:
         streams = tuple(
@@ -72,6 +73,8 @@ def create_untimed(
         streams=tuple(track.stream for track in tracks),
         provenance=Provenance(format=format_name, source=source),
     )
-    media = {track.stream.name: track.write for track in written}
-    session = create_session(dest, Draft(manifest=manifest, tables=tables or {}, media=media, finish=finish))
+    media = {track.stream.name: track.write for track in tracks}
+    # an image that cannot be read takes its partner in the next stream along
+    draft = Draft(manifest=manifest, tables=tables or {}, media=media, in_order=True, finish=finish)
+    session = create_session(dest, draft)
     return ImportReport(path=dest, format=format_name, sessions=1, findings=session.manifest.provenance.notes)
