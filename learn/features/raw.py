@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.features.windows import Floats, Table
+from learn.features.scene import Floats, Table, filled, steady
 
 Channels = NDArray[np.float32]
 
@@ -59,27 +59,6 @@ def raw_channels(windows: Floats, table: Table) -> Channels:
         np.stack([above, middle[..., 2] - distance], axis=-1).clip(-_DEEPEST_M, _DEEPEST_M),
     ]
     return np.concatenate([part.reshape(*n, -1) for part in parts], axis=-1).astype(np.float32)
-
-
-def filled(values: Floats) -> Floats:
-    """(w, t, ...) with the nearest earlier value, or else the next, where one is NaN; 0 where all are."""
-    n, t = values.shape[:2]
-    flat = values.reshape(n, t, -1)
-    known = np.isfinite(flat)
-    if known.all():
-        return values
-    frame = np.arange(t)[:, None]
-    before = np.maximum.accumulate(np.where(known, frame, -1), axis=1)
-    after = np.minimum.accumulate(np.where(known, frame, t)[:, ::-1], axis=1)[:, ::-1]
-    source = np.where(before >= 0, before, after % t)
-    return np.nan_to_num(np.take_along_axis(flat, source, axis=1)).reshape(values.shape)
-
-
-def steady(values: Floats) -> Floats:
-    """Medians of three frames of (w, t, ...)."""
-    padded = np.concatenate([values[:, :1], values, values[:, -1:]], axis=1)
-    a, b, c = padded[:, :-2], padded[:, 1:-1], padded[:, 2:]
-    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
 
 
 def _exchanges() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:

@@ -71,7 +71,7 @@ def scene_of(windows: Floats, table: Table) -> Scene:
     """
     n = windows.shape[:2]
     steep = np.hypot(1.0, table.slope)
-    x, y, z = np.moveaxis(_filled(windows[:, :, :13]), -1, 0)
+    x, y, z = np.moveaxis(filled(windows[:, :, :13]), -1, 0)
     joints = np.stack(
         [x, (table.slope * y + z) / steep, (y - table.slope * z - table.height) / steep], axis=-1
     )
@@ -81,12 +81,12 @@ def scene_of(windows: Floats, table: Table) -> Scene:
     right, up = seen[..., 0] / seen[..., 2], seen[..., 1] / seen[..., 2]
     far = table.height / np.minimum(up - table.slope, _FLATTEST)
     corners = np.stack([right * far, far * (table.slope * up + 1) / steep], axis=-1)
-    rays = _steady(_filled(np.stack([right, up], axis=-1))).reshape(*n, 2, 4, 2)
-    distance = _steady(_filled(far)).reshape(*n, 2, 4).mean(axis=-1)
-    by_depth = _filled(seen).reshape(*n, 2, 4, 3)
+    rays = steady(filled(np.stack([right, up], axis=-1))).reshape(*n, 2, 4, 2)
+    distance = steady(filled(far)).reshape(*n, 2, 4).mean(axis=-1)
+    by_depth = filled(seen).reshape(*n, 2, 4, 3)
     y, z = np.median(by_depth[..., 1], axis=-1), np.median(by_depth[..., 2], axis=-1)
     return Scene(
-        corners=_steady(_filled(corners)).reshape(*n, 2, 4, 2),
+        corners=steady(filled(corners)).reshape(*n, 2, 4, 2),
         rays=rays,
         shape=(rays - rays.mean(axis=3, keepdims=True)) * distance[..., None, None],
         height=(y - table.slope * z - table.height) / steep,
@@ -96,7 +96,7 @@ def scene_of(windows: Floats, table: Table) -> Scene:
     )
 
 
-def _filled(values: Floats) -> Floats:
+def filled(values: Floats) -> Floats:
     """(w, t, ...) with the nearest earlier value, or else the next, where one is NaN; 0 where all are."""
     n, t = values.shape[:2]
     flat = values.reshape(n, t, -1)
@@ -110,7 +110,7 @@ def _filled(values: Floats) -> Floats:
     return np.nan_to_num(np.take_along_axis(flat, source, axis=1)).reshape(values.shape)
 
 
-def _steady(values: Floats) -> Floats:
+def steady(values: Floats) -> Floats:
     """Medians of three frames of (w, t, ...)."""
     padded = np.concatenate([values[:, :1], values, values[:, -1:]], axis=1)
     a, b, c = padded[:, :-2], padded[:, 1:-1], padded[:, 2:]

@@ -7,21 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from learn.features.windows import Floats, n_windows
-from learn.recognize.dataset import LabelledSession, Labels, exchanged
+from learn.recognize.dataset import Labels, places_of
 from learn.recognize.grammar import Grammar, Habits
 from learn.recognize.model import Recognized
-
-
-def vocabulary_of(sessions: Sequence[LabelledSession]) -> Labels:
-    """The labels (k, 5) of sessions, with both names of the boxes, in order."""
-    labels = np.concatenate([session.labels for session in sessions])
-    return np.unique(np.concatenate([labels, exchanged(labels)]), axis=0)
-
-
-def places_of(labels: Labels, vocabulary: Labels) -> list[int]:
-    """Where each label (n, 5) is in a vocabulary that has it."""
-    place = {tuple(label): number for number, label in enumerate(vocabulary.tolist())}
-    return [place[tuple(label)] for label in labels.tolist()]
 
 
 def in_context(

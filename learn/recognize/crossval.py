@@ -10,37 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import InputError
 from ecat.progress import Progress, beginning, silent
 from ecat.store import staged_file
 from learn.features import raw, windows
 from learn.recognize.dataset import LabelledSession
-from learn.recognize.evaluation import WAYS, Predicted, predicted, scores, some_of
-from learn.recognize.folds import N_FOLDS, Kind, folds_of
+from learn.recognize.evaluation import (
+    WAYS,
+    Predicted,
+    Split,
+    in_order,
+    predicted,
+    scores,
+    some_of,
+    splits_of,
+    summary,
+)
+from learn.recognize.folds import N_FOLDS, Kind
 from learn.recognize.runs import Options, train
 
-Split = tuple[Sequence[LabelledSession], Sequence[LabelledSession]]
-"""Sessions that are known, and sessions that are tested."""
 Recognize = Callable[[Split, Progress], Predicted]
 """Learn from the known, and say what the tested show."""
-
-
-def splits_of(sessions: Sequence[LabelledSession], kind: Kind) -> list[Split]:
-    """The five folds: each has four fifths of the sessions to learn from, and the last to be tested.
-
-    Raises
-    ------
-    InputError : a fold has no sessions.
-    """
-    folds = folds_of([session.key for session in sessions], kind)
-    if len(np.unique(folds)) < N_FOLDS:
-        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
-        raise InputError("cannot cross-validate", where=there, fix="give more sessions")
-    pairs = list(zip(sessions, folds.tolist(), strict=True))
-    return [
-        ([one for one, of in pairs if of != fold], [one for one, of in pairs if of == fold])
-        for fold in range(N_FOLDS)
-    ]
 
 
 def recognized_by(name: str, options: Options) -> Recognize:
@@ -130,33 +119,6 @@ def cross_validate_model(
         "share": share,
         **summary([one.seed for one in options], scored),
     }, runs[0]
-
-
-def summary(seeds: Sequence[int], scored: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Mean and spread (standard deviation) of shares of whole labels over seeds, and all that was scored."""
-    tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
-    spread = 1 if len(scored) > 1 else 0
-    return {
-        "mean": {way: float(values.mean()) for way, values in tuples.items()},
-        "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
-        "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
-    }
-
-
-def in_order(parts: Sequence[Predicted], sessions: Sequence[LabelledSession]) -> Predicted:
-    """What was said of parts of the sessions, as one, in their order."""
-    where: dict[tuple[str, str], tuple[int, int, int]] = {}
-    for number, part in enumerate(parts):
-        start = 0
-        for session in part.sessions:
-            where[session.key] = number, start, start + len(session.labels)
-            start += len(session.labels)
-    places = [where[session.key] for session in sessions]
-    return Predicted(
-        sessions,
-        {way: np.concatenate([parts[n].labels[way][a:b] for n, a, b in places]) for way in WAYS},
-        {way: np.concatenate([parts[n].probabilities[way][a:b] for n, a, b in places]) for way in WAYS},
-    )
 
 
 def _read(source: Path, split: Split, identity: str) -> Predicted | None:

@@ -108,6 +108,18 @@ def exchanged(labels: Labels) -> Labels:
     return found
 
 
+def vocabulary_of(sessions: Sequence[LabelledSession]) -> Labels:
+    """The labels (k, 5) of sessions, with both names of the boxes, in order."""
+    labels = np.concatenate([session.labels for session in sessions])
+    return np.unique(np.concatenate([labels, exchanged(labels)]), axis=0)
+
+
+def places_of(labels: Labels, vocabulary: Labels) -> list[int]:
+    """Where each label (n, 5) is in a vocabulary that has it."""
+    place = {tuple(label): number for number, label in enumerate(vocabulary.tolist())}
+    return [place[tuple(label)] for label in labels.tolist()]
+
+
 def words(label: Sequence[int]) -> list[str | None]:
     """What stands in the five slots."""
     return [values[place] for values, place in zip(SLOTS.values(), label, strict=True)]

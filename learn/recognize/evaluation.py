@@ -27,6 +27,8 @@ WAYS = ("windows", "context")
 SUSPICIOUS = frozenset(("pullpast", f"pullpast{number}") for number in range(21, 31))
 """Sessions in which the box that is said to be pulled rests, and the one that it is said to pass moves."""
 _PNG = b"\x89PNG"
+Split = tuple[Sequence[LabelledSession], Sequence[LabelledSession]]
+"""Sessions that are known, and sessions that are tested."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,24 @@ def write_predictions(found: Predicted, dest: Path) -> None:
         pq.write_table(pa.table(columns), staging)
 
 
+def splits_of(sessions: Sequence[LabelledSession], kind: Kind) -> list[Split]:
+    """The five folds: each has four fifths of the sessions to learn from, and the last to be tested.
+
+    Raises
+    ------
+    InputError : a fold has no sessions.
+    """
+    folds = folds_of([session.key for session in sessions], kind)
+    if len(np.unique(folds)) < N_FOLDS:
+        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
+        raise InputError("cannot cross-validate", where=there, fix="give more sessions")
+    pairs = list(zip(sessions, folds.tolist(), strict=True))
+    return [
+        ([one for one, of in pairs if of != fold], [one for one, of in pairs if of == fold])
+        for fold in range(N_FOLDS)
+    ]
+
+
 def cross_validate(
     sessions: Sequence[LabelledSession],
     kind: Kind,
@@ -122,27 +142,45 @@ def cross_validate(
     ------
     InputError : a fold has no sessions.
     """
-    folds = folds_of([session.key for session in sessions], kind)
-    if len(np.unique(folds)) < N_FOLDS:
-        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
-        raise InputError("cannot cross-validate", where=there, fix="give more sessions")
+    splits = splits_of(sessions, kind)
     settings = settings or Settings()
     runs = [
-        _in_order(_folded(sessions, folds, replace(settings, seed=seed), share, progress), sessions)
-        for seed in seeds
+        in_order(_folded(splits, replace(settings, seed=seed), share, progress), sessions) for seed in seeds
     ]
-    scored = [scores(run) for run in runs]
-    spread = 1 if len(scored) > 1 else 0
-    tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
     result = {
         "folds": kind,
         "share": share,
-        "mean": {way: float(values.mean()) for way, values in tuples.items()},
-        "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
-        "baselines": _baselines(sessions, folds, progress),
-        "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
+        "baselines": _baselines(splits, progress),
+        **summary(seeds, [scores(run) for run in runs]),
     }
     return result, runs[0]
+
+
+def summary(seeds: Sequence[int], scored: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Mean and spread (standard deviation) of shares of whole labels over seeds, and all that was scored."""
+    tuples = {way: np.array([run[way]["tuple"] for run in scored]) for way in WAYS}
+    spread = 1 if len(scored) > 1 else 0
+    return {
+        "mean": {way: float(values.mean()) for way, values in tuples.items()},
+        "spread": {way: float(values.std(ddof=spread)) for way, values in tuples.items()},
+        "runs": {str(seed): run for seed, run in zip(seeds, scored, strict=True)},
+    }
+
+
+def in_order(parts: Sequence[Predicted], sessions: Sequence[LabelledSession]) -> Predicted:
+    """What was said of parts of the sessions, as one, in their order."""
+    where: dict[tuple[str, str], tuple[int, int, int]] = {}
+    for number, part in enumerate(parts):
+        start = 0
+        for session in part.sessions:
+            where[session.key] = number, start, start + len(session.labels)
+            start += len(session.labels)
+    places = [where[session.key] for session in sessions]
+    return Predicted(
+        sessions,
+        {way: np.concatenate([parts[n].labels[way][a:b] for n, a, b in places]) for way in WAYS},
+        {way: np.concatenate([parts[n].probabilities[way][a:b] for n, a, b in places]) for way in WAYS},
+    )
 
 
 def some_of(sessions: Sequence[LabelledSession], share: float, *, seed: int) -> list[LabelledSession]:
@@ -198,58 +236,21 @@ def confusion(true: NDArray[np.int8], said: NDArray[np.int8], n: int) -> NDArray
     return np.bincount(true.astype(np.int64) * n + said, minlength=n * n).reshape(n, n)
 
 
-def _folded(
-    sessions: Sequence[LabelledSession],
-    folds: NDArray[np.int64],
-    settings: Settings,
-    share: float,
-    progress: Progress,
-) -> list[Predicted]:
+def _folded(splits: Sequence[Split], settings: Settings, share: float, progress: Progress) -> list[Predicted]:
     found: list[Predicted] = []
-    for fold in range(N_FOLDS):
-        known, tested = _parted(sessions, folds, fold)
-        known = some_of(known, share * N_FOLDS / (N_FOLDS - 1), seed=settings.seed)
-        recognizer = train(known, settings, beginning(f"seed {settings.seed}, fold {fold + 1}", progress))
+    for fold, (known, tested) in enumerate(splits):
+        some = some_of(known, share * N_FOLDS / (N_FOLDS - 1), seed=settings.seed)
+        recognizer = train(some, settings, beginning(f"seed {settings.seed}, fold {fold + 1}", progress))
         found.append(predicted(tested, recognizer.recognize([session.points for session in tested])))
     return found
 
 
-def _parted(
-    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], fold: int
-) -> tuple[list[LabelledSession], list[LabelledSession]]:
-    pairs = list(zip(sessions, folds.tolist(), strict=True))
-    return [one for one, of in pairs if of != fold], [one for one, of in pairs if of == fold]
-
-
-def _in_order(parts: Sequence[Predicted], sessions: Sequence[LabelledSession]) -> Predicted:
-    """The parts as one, with the sessions in the order in which they were given."""
-    tested = [session for part in parts for session in part.sessions]
-    starts = dict(
-        zip(
-            (session.key for session in tested),
-            np.cumsum([0, *(len(session.labels) for session in tested)]).tolist(),
-            strict=False,
-        )
-    )
-    order = np.concatenate(
-        [starts[session.key] + np.arange(len(session.labels)) for session in sessions]
-    ).astype(np.int64)
-    return Predicted(
-        sessions,
-        {way: np.concatenate([part.labels[way] for part in parts])[order] for way in WAYS},
-        {way: np.concatenate([part.probabilities[way] for part in parts])[order] for way in WAYS},
-    )
-
-
-def _baselines(
-    sessions: Sequence[LabelledSession], folds: NDArray[np.int64], progress: Progress
-) -> dict[str, Any]:
+def _baselines(splits: Sequence[Split], progress: Progress) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    parts = [_parted(sessions, folds, fold) for fold in range(N_FOLDS)]
-    true = np.concatenate([session.labels for _, tested in parts for session in tested])
+    true = np.concatenate([session.labels for _, tested in splits for session in tested])
     for done, (name, baseline) in enumerate(BASELINES.items()):
         progress("baselines", done, len(BASELINES))
-        said = np.concatenate([baseline(known, tested) for known, tested in parts])
+        said = np.concatenate([baseline(known, tested) for known, tested in splits])
         found[name] = score(true, said)
     progress("baselines", len(BASELINES), len(BASELINES))
     return found

@@ -42,7 +42,7 @@ from learn.features.windows import (
 from learn.recognize.actions import Actions
 from learn.recognize.arrival import Shares, arrival_width, arrived, grow
 from learn.recognize.boosting import Boosted, boost
-from learn.recognize.dataset import LabelledSession, Labels, exchanged
+from learn.recognize.dataset import LabelledSession, Labels, places_of, vocabulary_of
 from learn.recognize.grammar import Arrived, Grammar, Habits
 
 CONFIG, MODEL = "config.json", "model.npz"
@@ -169,8 +169,7 @@ def train(
     if not sum(map(len, labels)):
         raise InputError("cannot train a recogniser", where="there are no windows", fix="give more sessions")
     table = fit_table(np.concatenate([session.points for session in sessions]))
-    stacked = np.concatenate(labels)
-    vocabulary = np.unique(np.concatenate([stacked, exchanged(stacked)]), axis=0)
+    vocabulary = vocabulary_of(sessions)
     boosted = _boost_all(_tasks(sessions, table, vocabulary, progress), settings, progress)
     known = frozenset(fingerprint(session.points) for session in sessions)
     arrival = grow(sessions, table, settings.seed)
@@ -184,7 +183,7 @@ def _tasks(
 ) -> dict[str, tuple[Features, NDArray[np.int64], int]]:
     """What each of the three has to learn: features, classes, and how many there are."""
     actions = Actions.of(vocabulary)
-    place = _places(np.concatenate([session.labels for session in sessions]), vocabulary)
+    place = places_of(np.concatenate([session.labels for session in sessions]), vocabulary)
     mover, action = actions.mover[place], actions.action[place]
     moved: list[Features] = []
     moving: list[Features] = []
@@ -335,8 +334,3 @@ def _require_fit(recognizer: Recognizer) -> None:
 def _seen(points: Floats, *, swap: bool, mirrored: bool = False) -> Floats:
     points = points[:, SWAP_POINTS] if swap else points
     return mirror(points) if mirrored else points
-
-
-def _places(labels: Labels, vocabulary: Labels) -> NDArray[np.int64]:
-    place = {tuple(label): number for number, label in enumerate(vocabulary.tolist())}
-    return np.array([place[tuple(label)] for label in labels.tolist()], np.int64)

@@ -24,8 +24,8 @@ from ecat.store import staged_file
 from learn.features.ch4 import PAIRS
 from learn.features.points import SWAP_POINTS
 from learn.features.windows import LENGTH, Floats, Table
-from learn.recognize.context import in_context, places_of, vocabulary_of
-from learn.recognize.dataset import LabelledSession, Labels, exchanged
+from learn.recognize.context import in_context
+from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
 from learn.recognize.grammar import Habits
 from learn.recognize.inputs import Fitted, check_name
 from learn.recognize.model import Recognized, fingerprint

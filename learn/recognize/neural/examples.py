@@ -22,8 +22,7 @@ from learn.features.raw import (
     SWAP_CHANNELS,
 )
 from learn.features.windows import HOP
-from learn.recognize.context import places_of
-from learn.recognize.dataset import LabelledSession, Labels, exchanged
+from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of
 from learn.recognize.folds import Key
 from learn.recognize.inputs import Fitted
 from learn.recognize.neural.training import Settings

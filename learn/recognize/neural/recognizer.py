@@ -19,8 +19,8 @@ from ecat.errors import CorruptError, InputError
 from ecat.progress import Progress, silent
 from learn.features.raw import MIRROR_CHANNELS, MIRROR_SIGNS, SWAP_CHANNELS, VERSION
 from learn.features.windows import Floats, Table
-from learn.recognize.context import in_context, places_of, vocabulary_of
-from learn.recognize.dataset import LabelledSession, Labels, exchanged
+from learn.recognize.context import in_context
+from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
 from learn.recognize.folds import Key
 from learn.recognize.grammar import Habits
 from learn.recognize.inputs import SHAPES, Fitted, check_name

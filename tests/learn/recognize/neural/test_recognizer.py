@@ -12,8 +12,7 @@ import pytest
 
 from ecat.errors import CorruptError, InputError, NotFoundError
 from learn.features.points import SWAP_POINTS
-from learn.recognize.context import places_of
-from learn.recognize.dataset import LabelledSession, exchanged, read_exports
+from learn.recognize.dataset import LabelledSession, exchanged, places_of, read_exports
 from learn.recognize.inputs import SHAPES, Fitted
 from learn.recognize.neural.recognizer import FEATURES, RECIPES, Trained, train
 from learn.recognize.runs import Recognizer, load, save
