@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,22 +105,6 @@ class Fitted:
     def _planes(self) -> Projections:
         inter, intra = (Projection(one[:3], one[3:].reshape(2, 3)) for one in (self.fit[:9], self.fit[9:]))
         return Projections(inter, intra)
-
-
-def check_name(name: Any, expected: str, run: Any) -> None:
-    """Refuse a model of other features.
-
-    Raises
-    ------
-    InputError : ``name`` is not what is expected.
-    """
-    if name != expected:
-        raise InputError(
-            f"cannot use the model {run}",
-            where=f"it was trained with the features {name}, these are {expected}",
-            consequence="nothing was recognised",
-            fix="train it again",
-        )
 
 
 def _known(points: Floats) -> Floats:

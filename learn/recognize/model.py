@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import CorruptError, ExistsError, InputError, NotFoundError
+from ecat.errors import ExistsError, InputError, NotFoundError
 from ecat.progress import Progress, beginning, silent
 from ecat.store import staged_file
 from learn.features.journey import journey_features
@@ -44,6 +44,7 @@ from learn.recognize.arrival import Shares, arrival_width, arrived, grow
 from learn.recognize.boosting import Boosted, boost
 from learn.recognize.dataset import LabelledSession, Labels, places_of, vocabulary_of
 from learn.recognize.grammar import Arrived, Grammar, Habits
+from learn.recognize.unusable import check_name, damaged
 
 CONFIG, MODEL = "config.json", "model.npz"
 N_JOBS = 2
@@ -264,13 +265,7 @@ def load(run: Path) -> Recognizer:
         raise NotFoundError(f"cannot use the model {run}", where=f"there is no {CONFIG} and {MODEL}", fix=fix)
     try:
         config: dict[str, Any] = json.loads((run / CONFIG).read_text("utf-8"))
-        if config["features"] != VERSION:
-            raise InputError(
-                f"cannot use the model {run}",
-                where=f"it was trained with the features {config['features']}, these are {VERSION}",
-                consequence="nothing was recognised",
-                fix="train it again",
-            )
+        check_name(config["features"], VERSION, run)
         settings, table = Settings(**config["settings"]), Table(**config["table"])
         vocabulary = np.array(config["vocabulary"], np.int8).reshape(-1, 5)
         habits = Habits(**{name: float(share) for name, share in config["habits"].items()})
@@ -284,12 +279,7 @@ def load(run: Path) -> Recognizer:
         )
         _require_fit(recognizer)
     except (ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError, OSError) as error:
-        raise CorruptError(
-            f"cannot use the model {run}",
-            where=str(error)[:200] or type(error).__name__,
-            consequence="nothing was recognised",
-            fix="train it again",
-        ) from None
+        raise damaged(run, error) from None
     return recognizer
 
 

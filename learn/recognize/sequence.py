@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.special import logsumexp
 
-from ecat.errors import CorruptError, InputError
+from ecat.errors import InputError
 from ecat.progress import Progress, silent
 from ecat.store import staged_file
 from learn.features.ch4 import PAIRS
@@ -27,8 +27,9 @@ from learn.features.windows import LENGTH, Floats, Table
 from learn.recognize.context import in_context
 from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
 from learn.recognize.grammar import Habits
-from learn.recognize.inputs import Fitted, check_name
+from learn.recognize.inputs import Fitted
 from learn.recognize.model import Recognized, fingerprint
+from learn.recognize.unusable import check_name, damaged
 
 FEATURES = "ch4-pcas18"
 SEQUENCES = "sequences.npz"
@@ -304,12 +305,7 @@ def load(run: Path, config: Mapping[str, Any]) -> SequenceRecognizer:
         )
         _require_whole(found)
     except (ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile, EOFError, OSError) as error:
-        raise CorruptError(
-            f"cannot use the model {run}",
-            where=str(error)[:200] or type(error).__name__,
-            consequence="nothing was recognised",
-            fix="train it again",
-        ) from None
+        raise damaged(run, error) from None
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ecat.errors import CorruptError, InputError
+from ecat.errors import InputError
 from ecat.progress import Progress, silent
 from learn.features.raw import MIRROR_CHANNELS, MIRROR_SIGNS, SWAP_CHANNELS, VERSION
 from learn.features.windows import Floats, Table
@@ -23,12 +23,13 @@ from learn.recognize.context import in_context
 from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
 from learn.recognize.folds import Key
 from learn.recognize.grammar import Habits
-from learn.recognize.inputs import SHAPES, Fitted, check_name
+from learn.recognize.inputs import SHAPES, Fitted
 from learn.recognize.model import N_JOBS, Recognized, fingerprint
 from learn.recognize.neural.checkpoints import read_tensors, write_tensors
 from learn.recognize.neural.examples import Augment, dense, held_out, twice
 from learn.recognize.neural.networks import SIZES, Dense, Ensemble, RawNetwork, SlotLSTM, SlotNetwork
 from learn.recognize.neural.training import History, Settings, fit, forget, one_thread
+from learn.recognize.unusable import check_name, damaged
 
 FEATURES = {
     "mlp": "ch4-event75",
@@ -242,12 +243,7 @@ def load(run: Path, config: Mapping[str, Any]) -> NeuralRecognizer:
         habits = Habits(**config["habits"])
         found = NeuralRecognizer(settings, fitted, vocabulary, seen, habits, network, known)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError) as error:
-        raise CorruptError(
-            f"cannot use the model {run}",
-            where=str(error)[:200] or type(error).__name__,
-            consequence="nothing was recognised",
-            fix="train it again",
-        ) from None
+        raise damaged(run, error) from None
     network.eval()
     return found
 
