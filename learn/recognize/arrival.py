@@ -39,7 +39,10 @@ class Shares(Trees):
 
     def predict(self, features: Features) -> Floats:
         """Probabilities (n,) of rows (n, features)."""
-        return np.mean([self.value[leaf] for leaf in self.leaves(features)], axis=0)
+        found = np.zeros(len(features))
+        for leaf in self.leaves(features):
+            found += self.value[leaf]
+        return found / (len(self.roots) - 1)
 
     def is_sound(self) -> bool:
         """Also that every node says a probability."""
@@ -50,15 +53,18 @@ class Shares(Trees):
         )
 
 
-def arrived(trees: Shares, journeys: Sequence[Features], labels: Labels) -> Floats:
-    """Probabilities (w, k) that at windows of a session, if its action is one of ``labels`` (k, 5), it has arrived.
+def arrived(trees: Shares, journeys: Sequence[Sequence[Features]], labels: Sequence[Labels]) -> list[Floats]:
+    """Of sessions, probabilities (w, k) that at its windows, if its action is one of its labels (k, 5), it has arrived.
 
     Parameters
     ----------
-    journeys : of both boxes, :func:`learn.features.journey.journey_features`.
+    journeys : of both boxes of each, :func:`learn.features.journey.journey_features`.
     """
-    rows = [_rows(journeys, label) for label in labels]
-    return trees.predict(np.concatenate(rows)).reshape(len(labels), -1).T
+    shapes = [(len(asked), len(journey[0])) for asked, journey in zip(labels, journeys, strict=True)]
+    rows = [_rows(journey, label) for journey, asked in zip(journeys, labels, strict=True) for label in asked]
+    told = trees.predict(np.concatenate(rows)) if rows else np.zeros(0)
+    ends = np.cumsum([k * w for k, w in shapes])[:-1]
+    return [part.reshape(shape).T for part, shape in zip(np.split(told, ends), shapes, strict=True)]
 
 
 def grow(sessions: Sequence[LabelledSession], table: Table, seed: int) -> Shares | None:

@@ -27,7 +27,7 @@ def in_context(
     grammar = Grammar.of(seen, habits)
     ends = np.cumsum([n_windows(len(points)) for points in sessions])[:-1]
     context = np.zeros_like(alone)
-    parts = [grammar.smooth(part) for part in np.split(alone[:, places], ends) if len(part)]
+    parts = grammar.smooth(np.split(alone[:, places], ends)) if sessions else []
     if parts:
         context[:, places] = np.concatenate(parts)
     return Recognized(vocabulary, alone, context)

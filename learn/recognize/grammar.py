@@ -26,8 +26,9 @@ DOUBT = 0.02
 """Probability that an arrival always has, and that it never exceeds but by this."""
 LIKELY = 3
 """Actions of which it is asked when they arrive."""
-Arrived = Callable[[NDArray[np.int64]], Floats]
-"""Of labels (k,) by their places in the vocabulary, probabilities (n, k) that they hold at windows by now, if ever."""
+Arrived = Callable[[Sequence[NDArray[np.int64]]], Sequence[Floats]]
+"""Of labels (k,) of each session, by their places in the vocabulary: probabilities (n, k) that they hold at its windows
+by now, if ever."""
 _LOCATIVE, _VERB, _PREPOSITION = 2, 3, 4
 
 
@@ -79,21 +80,37 @@ class Grammar:
         rows = rows or [(nothing, -1, -1)]
         return cls(np.array(rows, np.int64), habits)
 
-    def smooth(self, probabilities: Floats, arrived: Arrived | None = None) -> Floats:
-        """Of a session's windows (n, k), probabilities of labels (n, k) given all of them.
+    def smooth(self, sessions: Sequence[Floats], arrived: Arrived | None = None) -> list[Floats]:
+        """Of the windows (n, k) of each session, probabilities of labels (n, k) given all of them.
 
         Parameters
         ----------
-        arrived : also says how probable it is that an action has got its locative by a window, whatever that shows.
+        arrived : also says how probable it is that an action has got its locative by a window, whatever that shows; it
+            is asked once, about all sessions.
         """
-        evidence = WEIGHT * np.log(np.maximum(probabilities, LEAST))
-        emitted = np.where(self.parts >= 0, evidence[:, self.parts], -np.inf)
-        emitted = np.moveaxis(emitted, 2, 1)  # (n, part, action)
-        joint = self._joint(emitted)
+        emitted = [self._emitted(probabilities) for probabilities in sessions]
+        joint = [self._joint(one) if len(one) else one for one in emitted]
         if arrived is not None:
-            joint = self._joint(self._with_arrival(emitted, joint, arrived))
+            likely = [_likely(one) if len(one) else np.zeros(0, np.int64) for one in joint]
+            related = [actions[self.parts[actions, 2] >= 0] for actions in likely]
+            shares = arrived([self.parts[actions, 2] for actions in related])
+            told = map(_with_arrival, emitted, likely, related, shares)
+            joint = [self._joint(one) if len(one) else one for one in told]
+        return [
+            self._labels(one, probabilities.shape) for one, probabilities in zip(joint, sessions, strict=True)
+        ]
+
+    def _emitted(self, probabilities: Floats) -> Floats:
+        """Logarithms (n, part, action) of what windows (n, k) show."""
+        evidence = WEIGHT * np.log(np.maximum(probabilities, LEAST))
+        return np.moveaxis(np.where(self.parts >= 0, evidence[:, self.parts], -np.inf), 2, 1)
+
+    def _labels(self, joint: Floats, shape: tuple[int, ...]) -> Floats:
+        """Probabilities of labels (n, k), of which an action and its part (n, part, action) have this logarithm."""
+        found = np.zeros(shape)
+        if not len(joint):
+            return found
         weights = np.exp(joint - joint.max(axis=(1, 2), keepdims=True))
-        found = np.zeros_like(probabilities)
         known = self.parts.T >= 0
         for place, weight in zip(self.parts.T[known], weights[:, known].T, strict=True):
             found[:, place] += weight
@@ -114,18 +131,22 @@ class Grammar:
             after[window] = np.logaddexp.accumulate(following, axis=0)[::-1]
         return before + after
 
-    def _with_arrival(self, emitted: Floats, joint: Floats, arrived: Arrived) -> Floats:
-        """What windows show (n, part, action) of the likeliest actions, and whether these have arrived at them."""
-        total = np.logaddexp.reduce(joint[0], axis=0)
-        likely = np.argsort(-total, kind="stable")[:LIKELY]
-        kept = np.full_like(emitted, -np.inf)
-        kept[..., likely] = emitted[..., likely]
-        related = likely[self.parts[likely, 2] >= 0]
-        if len(related):
-            share = np.clip(arrived(self.parts[related, 2]), DOUBT, 1 - DOUBT)
-            kept[:, :2, related] += ARRIVAL_WEIGHT * np.log(1 - share)[:, None]
-            kept[:, 2, related] += ARRIVAL_WEIGHT * np.log(share)
-        return kept
+
+def _likely(joint: Floats) -> NDArray[np.int64]:
+    """The actions that a session most probably shows, by what is known (n, part, action) of its windows."""
+    return np.argsort(-np.logaddexp.reduce(joint[0], axis=0), kind="stable")[:LIKELY]
+
+
+def _with_arrival(
+    emitted: Floats, likely: NDArray[np.int64], related: NDArray[np.int64], share: Floats
+) -> Floats:
+    """What windows show (n, part, action) of likely actions, and how probably (n, k) related ones have arrived."""
+    kept = np.full_like(emitted, -np.inf)
+    kept[..., likely] = emitted[..., likely]
+    share = np.clip(share, DOUBT, 1 - DOUBT)
+    kept[:, :2, related] += ARRIVAL_WEIGHT * np.log(1 - share)[:, None]
+    kept[:, 2, related] += ARRIVAL_WEIGHT * np.log(share)
+    return kept
 
 
 def of_one_action(vocabulary: Labels, probabilities: Floats) -> NDArray[np.int64]:

@@ -122,21 +122,19 @@ class Recognizer:
     def in_context(self, alone: Floats, sessions: Sequence[Floats]) -> Recognized:
         """Probabilities (w, k) of the windows of sessions alone, and beside them what the sessions make of these."""
         grammar = Grammar.of(self.vocabulary, self.habits)
+        sessions = [points for points in sessions if n_windows(len(points))]
         ends = np.cumsum([n_windows(len(points)) for points in sessions])
-        parts = [
-            (part, points)
-            for part, points in zip(np.split(alone, ends)[:-1], sessions, strict=True)
-            if len(part)
-        ]
-        with ThreadPoolExecutor(N_JOBS) as threads:
-            smooth = list(threads.map(lambda one: grammar.smooth(one[0], self._arrived(one[1])), parts))
-        return Recognized(self.vocabulary, alone, np.concatenate(smooth) if smooth else alone)
+        parts = grammar.smooth(np.split(alone, ends)[:-1], self._arrived(sessions))
+        return Recognized(self.vocabulary, alone, np.concatenate(parts) if parts else alone)
 
-    def _arrived(self, points: Floats) -> Arrived | None:
+    def _arrived(self, sessions: Sequence[Floats]) -> Arrived | None:
         if (trees := self.arrival) is None:
             return None
-        journeys = journey_features(points, self.table)
-        return lambda places: arrived(trees, journeys, self.vocabulary[places])
+        return lambda places: arrived(
+            trees,
+            [journey_features(points, self.table) for points in sessions],
+            [self.vocabulary[of_session] for of_session in places],
+        )
 
     def _seen_from(self, sessions: Sequence[Floats], swap: bool) -> tuple[Floats, Floats]:  # noqa: FBT001
         """Probabilities (w,) that the first box moves, and (w, actions) of what it then does; of exchanged boxes."""

@@ -36,7 +36,7 @@ def test_sessions_that_were_not_seen_arrive_when_they_do(
     for session in sessions[3:5]:
         related = session.labels[:, 4] > 0
         journeys = journey_features(session.points, TABLE)
-        share = arrived(trees, journeys, session.labels[related][:1])
+        share = arrived(trees, [journeys], [session.labels[related][:1]])[0]
         assert share.shape == (len(session.labels), 1)
         assert share[related].min() > 0.5 > share[~related].max()
 
@@ -44,9 +44,22 @@ def test_sessions_that_were_not_seen_arrive_when_they_do(
 def test_each_label_is_asked_about_by_itself(trees: Shares, sessions: list[LabelledSession]) -> None:
     journeys = journey_features(sessions[3].points, TABLE)
     labels = np.stack([session.labels[-1] for session in sessions[2:6]])
-    together = arrived(trees, journeys, labels)
-    apart = [arrived(trees, journeys, label[None])[:, 0] for label in labels]
+    together = arrived(trees, [journeys], [labels])[0]
+    apart = [arrived(trees, [journeys], [label[None]])[0][:, 0] for label in labels]
     np.testing.assert_array_equal(together, np.stack(apart, axis=1))
+
+
+def test_sessions_are_asked_about_together(trees: Shares, sessions: list[LabelledSession]) -> None:
+    journeys = [journey_features(session.points, TABLE) for session in sessions[:3]]
+    labels = [
+        sessions[0].labels[-1:],
+        sessions[0].labels[:0],
+        np.stack([one.labels[-1] for one in sessions[1:3]]),
+    ]
+    together = arrived(trees, journeys, labels)
+    assert [one.shape[1] for one in together] == [1, 0, 2]
+    for journey, asked, said in zip(journeys, labels, together, strict=True):
+        np.testing.assert_array_equal(said, arrived(trees, [journey], [asked])[0])
 
 
 def test_the_same_seed_grows_the_same_trees(sessions: list[LabelledSession]) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from learn.recognize.grammar import LEAST, WEIGHT, Grammar, Habits, of_one_action
 
@@ -13,9 +16,7 @@ HABITS = Habits(0.1, 0.2)
 VOCABULARY = np.array([[0] * 5, [1, 2, 0, 1, 0], [1, 2, 3, 1, 3], [1, 3, 0, 2, 0], [1, 3, 2, 2, 1]], np.int8)
 
 
-def by_hand(
-    probabilities: np.ndarray[tuple[int, int], np.dtype[np.float64]],
-) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def by_hand(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
     """Every action with every pair of boundaries, one at a time."""
     n = len(probabilities)
     found = np.zeros_like(probabilities)
@@ -33,18 +34,19 @@ def by_hand(
 @pytest.mark.parametrize("n", [1, 2, 6])
 def test_it_equals_the_enumeration(n: int) -> None:
     probabilities = np.random.default_rng(n).dirichlet([0.5] * 5, n)
-    smoothed = Grammar.of(VOCABULARY, HABITS).smooth(probabilities)
+    smoothed = Grammar.of(VOCABULARY, HABITS).smooth([probabilities])[0]
     np.testing.assert_allclose(smoothed, by_hand(probabilities), atol=1e-12)
 
 
 def test_an_action_does_not_come_back() -> None:
     sure = np.full((9, 5), 0.05)
     sure[np.arange(9), [1, 1, 1, 2, 1, 2, 2, 4, 2]] = 0.8
-    assert Grammar.of(VOCABULARY, HABITS).smooth(sure).argmax(axis=1).tolist() == [1] * 4 + [2] * 5
+    assert Grammar.of(VOCABULARY, HABITS).smooth([sure])[0].argmax(axis=1).tolist() == [1] * 4 + [2] * 5
 
 
 def test_a_vocabulary_without_prepositions_is_left_with_its_verbs() -> None:
-    smoothed = Grammar.of(VOCABULARY[[0, 1, 3]], HABITS).smooth(np.array([[0.1, 0.5, 0.4], [0.1, 0.8, 0.1]]))
+    unsure = np.array([[0.1, 0.5, 0.4], [0.1, 0.8, 0.1]])
+    smoothed = Grammar.of(VOCABULARY[[0, 1, 3]], HABITS).smooth([unsure])[0]
     assert smoothed.argmax(axis=1).tolist() == [1, 1]
     np.testing.assert_allclose(smoothed.sum(axis=1), 1)
 
@@ -59,8 +61,8 @@ def test_habits_are_those_of_the_sessions_it_was_trained_on() -> None:
 def test_an_arrival_that_is_as_likely_everywhere_changes_nothing() -> None:
     probabilities = np.random.default_rng(3).dirichlet([0.5] * 5, 6)
     grammar = Grammar.of(VOCABULARY, HABITS)
-    told = grammar.smooth(probabilities, lambda places: np.full((6, len(places)), 0.5))
-    np.testing.assert_allclose(told, grammar.smooth(probabilities), atol=1e-12)
+    told = grammar.smooth([probabilities], lambda places: [np.full((6, len(places[0])), 0.5)])
+    np.testing.assert_allclose(told[0], grammar.smooth([probabilities])[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("window", [1, 3, 5])
@@ -69,25 +71,43 @@ def test_the_arrival_decides_where_windows_do_not(window: int) -> None:
     share = (np.arange(6) >= window).astype(np.float64)
     asked: list[list[int]] = []
 
-    def arrived(
-        places: np.ndarray[tuple[int], np.dtype[np.int64]],
-    ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        asked.append(places.tolist())
-        return np.tile(share[:, None], (1, len(places)))
+    def arrived(places: Sequence[NDArray[np.int64]]) -> list[NDArray[np.float64]]:
+        asked.extend(one.tolist() for one in places)
+        return [np.tile(share[:, None], (1, len(one))) for one in places]
 
-    said = Grammar.of(VOCABULARY, HABITS).smooth(unsure, arrived).argmax(axis=1)
+    said = Grammar.of(VOCABULARY, HABITS).smooth([unsure], arrived)[0].argmax(axis=1)
     assert said.tolist() == [1] * window + [2] * (6 - window)
     assert [sorted(places) for places in asked] == [[2, 4]]
+
+
+def test_sessions_are_asked_about_together_and_do_not_mix() -> None:
+    generator = np.random.default_rng(5)
+    sessions = [generator.dirichlet([0.5] * 5, n) for n in (4, 0, 7)]
+    shares = [generator.uniform(size=len(one)) for one in sessions]
+    times: list[int] = []
+
+    def arrived(
+        places: Sequence[NDArray[np.int64]], of: Sequence[int] = (0, 1, 2)
+    ) -> list[NDArray[np.float64]]:
+        times.append(len(places))
+        return [np.tile(shares[k][:, None], (1, len(one))) for k, one in zip(of, places, strict=True)]
+
+    grammar = Grammar.of(VOCABULARY, HABITS)
+    together = grammar.smooth(sessions, arrived)
+    assert times == [3]
+    for k, session in enumerate(sessions):
+        np.testing.assert_array_equal(together[k], grammar.smooth([session], partial(arrived, of=[k]))[0])
 
 
 def test_an_action_that_never_gets_a_locative_is_not_asked_when() -> None:
     grammar = Grammar.of(VOCABULARY[[0, 1, 3]], HABITS)
     sure = np.array([[0.1, 0.5, 0.4], [0.1, 0.8, 0.1]])
 
-    def arrived(places: object) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        raise AssertionError(places)
+    def arrived(places: Sequence[NDArray[np.int64]]) -> list[NDArray[np.float64]]:
+        assert [len(one) for one in places] == [0]
+        return [np.zeros((2, 0))]
 
-    np.testing.assert_array_equal(grammar.smooth(sure, arrived), grammar.smooth(sure))
+    np.testing.assert_array_equal(grammar.smooth([sure], arrived)[0], grammar.smooth([sure])[0])
 
 
 def test_what_is_proposed_for_a_session_is_one_action() -> None:
