@@ -167,7 +167,14 @@ class Commit:
         """Let a function write the file of each stream named; it is given the path to write to.
 
         They are called in threads, side by side, or ``in_order``.
+
+        Raises
+        ------
+        UsageError : no such stream, two with one file; or the session was there before: recordings are not replaced.
         """
+        if self._new.id:
+            fix = "write them when the session is made, or copy finished files into it"
+            raise UsageError("cannot write streams", where="the session was there before", fix=fix)
         works: list[Callable[[], None]] = []
         for name, write in writers.items():
             target = self._media_file(name, "write")

@@ -60,16 +60,16 @@ def replace_proposals(
 
     Raises
     ------
-    UsageError : in another layer than the machine's there is more than proposals: it is a person's.
+    UsageError : the layer is a person's: ``main``, or another than the machine's with more in it than proposals.
     StaleError, LockedError, ReadOnlyError, DiskError : nothing was changed.
     """
     session.refresh()
     old = session.layer(layer) if session.manifest.layer(layer) is not None else Layer(name=layer)
     old = with_relation_ids(old)
-    if layer != MACHINE and any(item.status != "proposed" for item in (*old.events, *old.relations)):
+    if layer != MACHINE and _is_of_a_person(session, old):
         raise UsageError(
             f"cannot propose in layer {layer} of {session.name}",
-            where="there is more in it than proposals",
+            where="it is a person's: there may be more in it than proposals",
             fix=f"name another layer, or leave it out for {MACHINE}",
         )
     decided = _decided(session, layer)
@@ -80,10 +80,11 @@ def replace_proposals(
     kept_events = tuple(event for event in old.events if stays(event))
     kept_relations = tuple(relation for relation in old.relations if stays(relation))
     number = max(old.event_counter, *_numbers(old.events, "a"), *_numbers_of(decided, "a"))
-    new_events = [event for event in events if not _is_there(event, kept_events)]
+    there = {_meaning(item) for item in (*kept_events, *kept_relations)}
+    new_events = [event for event in events if _meaning(event) not in there]
     new_events = [replace(event, id=f"a{number + i}") for i, event in enumerate(new_events, start=1)]
     last = max(old.relation_counter, *_numbers(old.relations, "r"), *_numbers_of(decided, "r"))
-    new_relations = [relation for relation in relations if not _is_there(relation, kept_relations)]
+    new_relations = [relation for relation in relations if _meaning(relation) not in there]
     new_relations = [
         replace(one, id=f"r{last + i}", author=author) for i, one in enumerate(new_relations, start=1)
     ]
@@ -164,15 +165,23 @@ def _decided(session: Session, layer: str) -> set[str]:
     return {d.proposal.removeprefix(f"{layer}/") for d in decisions if d.proposal.startswith(f"{layer}/")}
 
 
-def _is_there(item: Event | Relation, there: Sequence[Event | Relation]) -> bool:
-    """Whether the same is said by one that stays, whatever its id and how sure it is."""
+def _is_of_a_person(session: Session, layer: Layer) -> bool:
+    """Whether somebody drew, annotated or decided in a layer, or is expected to."""
+    record = session.manifest.layer(layer.name)
+    items = (*layer.events, *layer.relations)
+    return (
+        layer.name == "main"
+        or bool(layer.decisions)
+        or (record is not None and record.journal_bytes > 0)
+        or any(item.status != "proposed" or not item.author for item in items)
+        or any(thing.key_frames or thing.key_frames_3d for thing in layer.objects)
+    )
 
-    def meaning(one: Event | Relation) -> Event | Relation:
-        return replace(
-            one, id="", author="", status="proposed", **({"properties": ()} if isinstance(one, Event) else {})
-        )
 
-    return any(type(one) is type(item) and meaning(one) == meaning(item) for one in there)
+def _meaning(item: Event | Relation) -> Event | Relation:
+    """What is said, whatever its id, and how sure who says it is."""
+    said = replace(item, id="", author="", status="proposed")
+    return replace(said, properties=()) if isinstance(said, Event) else said
 
 
 def _numbers(items: Iterable[Event | Relation], letter: str) -> list[int]:

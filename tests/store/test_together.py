@@ -30,6 +30,24 @@ def test_one_alone_is_done_in_the_thread_that_asks() -> None:
     assert threads == [threading.get_ident()]
 
 
+def test_streams_are_written_when_a_session_is_made_and_not_into_one(tmp_path: Path) -> None:
+    manifest = Manifest(
+        name="s", created="2020-01-01T00:00:00", streams=(Stream(name="d", kind="depth", file="media/d.mkv"),)
+    )
+
+    def film(path: Path) -> None:
+        with DepthWriter(path, 4, 4) as writer:
+            writer.write(np.ones((4, 4), np.uint16), 0)
+
+    session = create_session(tmp_path / "s", Draft(manifest=manifest, media={"d": film}))
+    recorded = (session.path / "media/d.mkv").read_bytes()
+    called: list[Path] = []
+    with session.write() as commit, pytest.raises(UsageError, match="before"):
+        commit.write_streams({"d": called.append})
+    assert not called
+    assert (session.path / "media/d.mkv").read_bytes() == recorded
+
+
 def test_the_first_failure_is_raised_and_ends_the_rest() -> None:
     started, ended = threading.Event(), threading.Event()
 

@@ -36,8 +36,12 @@ _CONTAINERS = (
 
 
 @contextmanager
-def media_errors(what: str, path: Path, *, done: Callable[[], str] = lambda: "") -> Generator[None]:
-    """Turn the library's errors of the block into a FormatError, or that of the disk; ``done`` tells how far it got."""
+def media_errors(
+    what: str, path: Path, *, done: Callable[[], str] = lambda: "", consequence: str = "it was not read"
+) -> Generator[None]:
+    """Turn the library's errors of the block into a FormatError, or that of the disk, of which ``consequence`` is one;
+    ``done`` tells how far it got.
+    """
     import av.error as av_errors
 
     try:
@@ -46,7 +50,7 @@ def media_errors(what: str, path: Path, *, done: Callable[[], str] = lambda: "")
         # FFmpeg says "input/output error" of a header that breaks off
         of_format = isinstance(error, EOFError) or getattr(error, "errno", None) == errno.EIO
         if isinstance(error, OSError) and not of_format:
-            raise os_error(error, what, path) from error
+            raise os_error(error, what, path, consequence) from error
         where = "; ".join(part for part in (f"{path.name}: {_reason(error)}", done()) if part)
         raise FormatError(what, where=where) from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -45,10 +45,18 @@ class _Matroska(io.FileIO):
         super().__init__(path, "w+b")
 
     def write(self, data: Any, /) -> int:
-        """Append ``data``."""
+        """Write all of ``data``: of a part that did not fit on the disk, FFmpeg would hear nothing.
+
+        Raises
+        ------
+        OSError : the disk is full.
+        """
         if self.tell() < _HEADER_BYTES:
             data = _SCALE.sub(rb"\1" + (1000).to_bytes(3, "big"), bytes(data), count=1)
-        return super().write(data)
+        left = memoryview(data)
+        while left:
+            left = left[super().write(left) :]
+        return len(data)
 
 
 class _Writer(AbstractContextManager[Any]):
@@ -68,7 +76,7 @@ class _Writer(AbstractContextManager[Any]):
             raise UsageError(
                 self._what, where=f"images of {width_px} x {height_px} pixels", fix="reduce them"
             )
-        with ExitStack() as stack, media_errors(self._what, path):
+        with ExitStack() as stack, self._errors():
             matroska = path.suffix in {".mkv", ".mka"}
             file = stack.enter_context(_Matroska(path)) if matroska else str(path)
             container: OutputContainer = av.open(file, "w", format="matroska" if matroska else None)
@@ -83,14 +91,29 @@ class _Writer(AbstractContextManager[Any]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        # what comes of closing a file that could not be written says less than why it could not
+        with suppress(Exception) if kind is not None else nullcontext():
+            self.close()
 
     def close(self) -> None:
-        """Write what is left, and the index."""
-        with self._stack, media_errors(self._what, self.path):
+        """Write what is left, and the index.
+
+        Raises
+        ------
+        DiskError : the disk is full.
+        """
+        stack, self._stack = self._stack, ExitStack()
+        with self._errors(), stack:
             if self.n_images:
                 self._container.mux(self._stream.encode(None))
-        self._stack = ExitStack()
+
+    def _errors(self) -> AbstractContextManager[None]:
+        return media_errors(
+            self._what,
+            self.path,
+            done=lambda: f"{self.n_images} images were written",
+            consequence="it was not written",
+        )
 
     def _put(self, frame: VideoFrame, t_ns: int) -> None:
         from av.video.frame import PictureType
@@ -108,7 +131,7 @@ class _Writer(AbstractContextManager[Any]):
         frame.pict_type = (
             PictureType.NONE
         )  # a decoded image still says what it was, and would become that again
-        with media_errors(self._what, self.path, done=lambda: f"{self.n_images} images were written"):
+        with self._errors():
             self._container.mux(self._stream.encode(frame))
         self.n_images += 1
 
@@ -252,7 +275,8 @@ def remux(source: Path, dest: Path, indices: tuple[int, ...] = ()) -> int:
     what = f"cannot copy {source.name}"
     copied = 0
     files.step("write", dest)
-    with open_media(source, what) as container, media_errors(what, dest), av.open(str(dest), "w") as out:
+    copying = media_errors(what, dest, consequence="it was not copied")
+    with open_media(source, what) as container, copying, av.open(str(dest), "w") as out:
         wanted = indices or tuple(stream.index for stream in container.streams.video[:1])
         streams: dict[int, Any] = {}
         for index in wanted:

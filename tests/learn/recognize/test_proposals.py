@@ -10,7 +10,7 @@ import pytest
 from ecat.annotate.queries import proposals
 from ecat.check import check
 from ecat.errors import UsageError
-from ecat.model import Event, Relation
+from ecat.model import Event, Layer, Relation
 from ecat.model.annotation import MACHINE, Argument, Decision
 from ecat.process import process_session
 from ecat.store import Session, open_session
@@ -88,6 +88,26 @@ def test_another_layer_may_be_named_but_not_a_persons(session: Session) -> None:
     with pytest.raises(UsageError, match="main"):
         replace_proposals(session, AUTHOR, events(session, PUSH), layer="main")
     assert all(event.author != AUTHOR for event in session.layer("main").events)
+
+
+@pytest.mark.parametrize("what", ["objects", "decisions", "events", "nothing, but by that name"])
+def test_a_layer_is_a_persons_whatever_there_is_in_it(session: Session, what: str) -> None:
+    main = session.layer("main")
+    drawn = tuple(thing for thing in main.objects if thing.key_frames or thing.key_frames_3d)
+    assert drawn
+    decided = (Decision(proposal=f"{MACHINE}/a1", verdict="accepted", author="ann"),)
+    unsigned = tuple(replace(event, id=f"a{i}") for i, event in enumerate(events(session, PUSH), 1))
+    theirs = {
+        "objects": Layer(name="ann", objects=drawn),
+        "decisions": Layer(name="ann", decisions=decided),
+        "events": Layer(name="ann", events=tuple(replace(event, author="") for event in unsigned)),
+    }.get(what, Layer(name="main"))
+    with session.write() as commit:
+        commit.put_layer(theirs)
+    with pytest.raises(UsageError, match="person"):
+        replace_proposals(session, AUTHOR, events(session, PUSH), layer=theirs.name)
+    session.refresh()
+    assert session.layer(theirs.name) == theirs
 
 
 def test_nothing_to_change_changes_nothing(session: Session) -> None:

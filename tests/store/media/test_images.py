@@ -6,6 +6,7 @@ import tracemalloc
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from ecat.store import Session
 from ecat.store.media import open_images
 from ecat.store.media.container import Packets
 from ecat.store.media.sources import runs
+from ecat.store.together import GivenUp, run_together
 from tests.store.media.clips import (
     COLOR,
     DEPTH,
@@ -317,3 +319,24 @@ def test_runs_start_where_decoding_can_and_hold_every_image_wanted(data: st.Data
         given_out += [int(t) // 10 for t in np.sort(inside) if int(t) in times]
         before = last
     assert given_out == wanted
+
+
+def test_reading_ends_once_work_beside_it_has_failed(session: Session) -> None:
+    first, ended = Event(), Event()
+
+    def endless() -> None:
+        try:
+            while True:
+                for _ in open_images(session, "depth"):
+                    first.set()
+        except GivenUp:
+            ended.set()
+            raise
+
+    def failing() -> None:
+        assert first.wait(30.0)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_together([endless, failing])
+    assert ended.is_set()

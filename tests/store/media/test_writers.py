@@ -36,6 +36,40 @@ def round_trip(images: np.ndarray) -> list[np.ndarray]:
         return [frame.to_ndarray() for frame in decoded(path, "read")]
 
 
+@pytest.mark.parametrize("kind", ["depth.mkv", "color.mkv", "color.mp4"])
+@pytest.mark.parametrize("n_images", [1, 400])
+def test_a_full_disk_is_what_is_said_whenever_it_is_noticed(kind: str, n_images: int, tmp_path: Path) -> None:
+    """Limits of a process are for good, so that it is another one that runs into them."""
+    limit = 3000 if n_images == 1 else 100_000
+    program = f"""
+import resource, signal, sys
+import numpy as np
+from pathlib import Path
+from ecat.errors import DiskError
+from ecat.store.media import ColorWriter, DepthWriter
+noise = np.random.default_rng(0)
+def write(path):
+    if path.name.startswith("depth"):
+        with DepthWriter(path, 64, 64) as writer:
+            for i in range({n_images}):
+                writer.write(noise.integers(0, 4000, (64, 64)).astype(np.uint16), i * 33_000_000)
+    else:
+        with ColorWriter(path, 64, 64) as writer:
+            for i in range({n_images}):
+                writer.write(noise.integers(0, 255, (64, 64, 3)).astype(np.uint8), i * 33_000_000)
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY))
+try:
+    write(Path(sys.argv[1]))
+except DiskError as error:
+    print(error.consequence)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, tmp_path / kind], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout.strip(), done.stderr) == ("it was not written", "")
+
+
 @settings(max_examples=60)
 @given(DEPTHS | arrays(np.uint16, SHAPES, elements=st.integers(0, 65535), fill=st.nothing()))
 def test_depth_is_lossless(images: np.ndarray) -> None:
