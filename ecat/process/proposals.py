@@ -194,11 +194,14 @@ def proposed_layer(
 def with_others(layer: Layer, old: Layer) -> Layer:
     """A layer just made, and behind its proposals those of the ``old`` one that others than the stages made.
 
-    These get new ids, as the stages number theirs from one.
+    These get new ids, as the stages number theirs from one.  Where they mean an event of a stage, they go on to mean it
+    if the stage says the same again, and otherwise do not mean anything.
     """
     events = [event for event in old.events if _is_of_others(event.author)]
     relations = [relation for relation in old.relations if _is_of_others(relation.author)]
-    ids = {event.id: f"a{layer.event_counter + number}" for number, event in enumerate(events, 1)}
+    again = {replace(event, id=""): event.id for event in layer.events}
+    ids = {event.id: again.get(replace(event, id="")) for event in old.events}
+    ids |= {event.id: f"a{layer.event_counter + number}" for number, event in enumerate(events, 1)}
     there = {thing.id for thing in layer.objects}
     taking_part = {role.target.split("/")[0] for event in events for role in event.roles}
     taking_part |= {target for relation in relations for target in relation.targets}
@@ -217,14 +220,18 @@ def _is_of_others(author: str) -> bool:
     from ecat.stages.propose import PROPOSE
     from ecat.stages.relations import RELATIONS
 
-    return bool(author) and not author.startswith((f"ecat {PROPOSE.name} ", f"ecat {RELATIONS.name} "))
+    return not author.startswith((f"ecat {PROPOSE.name} ", f"ecat {RELATIONS.name} "))
 
 
-def _renamed(event: Event, ids: Mapping[str, str]) -> Event:
-    roles = (
-        replace(role, target=ids.get(role.target, role.target)) if role.kind == "event" else role
+def _renamed(event: Event, ids: Mapping[str, str | None]) -> Event:
+    """An event of others, where events have these ids now; None where there is such an event no more."""
+    roles = [
+        replace(role, target=target)
         for role in event.roles
-    )
-    links = (replace(link, target=ids.get(link.target, link.target)) for link in event.links)
+        if (target := role.target if role.kind != "event" else ids.get(role.target)) is not None
+    ]
+    links = [
+        replace(link, target=target) for link in event.links if (target := ids.get(link.target)) is not None
+    ]
     parent = ids.get(event.parent) if event.parent else None
-    return replace(event, id=ids[event.id], parent=parent, roles=tuple(roles), links=tuple(links))
+    return replace(event, id=ids[event.id] or "", parent=parent, roles=tuple(roles), links=tuple(links))

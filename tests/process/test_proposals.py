@@ -7,7 +7,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Relation, Role, Segment
+from ecat.model import AnnotatedObject, Event, KeyFrame, Layer, Link, Relation, Role, Segment
 from ecat.model.annotation import Argument, with_relation_ids
 from ecat.process.proposals import machine_layer, with_others
 from ecat.sample import sample_session
@@ -152,6 +152,40 @@ def test_what_others_proposed_stays_behind_what_is_proposed_anew() -> None:
     assert [relation.predicate for relation in made.relations] == ["ON", "n"]
     assert len({relation.id for relation in made.relations}) == 2
     assert [thing.id for thing in made.objects] == ["o1", "o2", "o3", "o4", "o9"]
+
+
+def test_others_go_on_to_mean_an_event_of_a_stage_only_if_it_is_proposed_again() -> None:
+    def staged(event_id: str, kind: str) -> Event:
+        segment = Segment(start_frame=0, end_frame=9)
+        author = f"ecat {PROPOSE.name} 1"
+        return Event(id=event_id, type=kind, status="proposed", author=author, segments=(segment,))
+
+    def of_another(event_id: str, meant: str) -> Event:
+        return Event(
+            id=event_id,
+            type="part",
+            parent=meant,
+            author="a model",
+            roles=(Role(name="Cause", target=meant, kind="event"),),
+            links=(Link(type="before", target=meant),),
+        )
+
+    old = Layer(
+        name="machine",
+        events=(staged("a1", "slide"), staged("a2", "push"), of_another("a3", "a1"), of_another("a4", "a2")),
+    )
+    made = with_others(
+        Layer(name="machine", event_counter=2, events=(staged("a1", "push"), staged("a2", "roll"))), old
+    )
+    gone, again = made.events[2:]
+    assert (gone.parent, gone.roles, gone.links) == (None, (), ())
+    assert (again.parent, again.roles[0].target, again.links[0].target) == ("a1", "a1", "a1")
+
+
+def test_what_nobody_signed_is_not_taken_for_a_stages() -> None:
+    theirs = Event(id="a1", type="hold", status="proposed")
+    made = with_others(layer(), Layer(name="machine", events=(theirs,)))
+    assert made.events[-1].type == "hold"
 
 
 def test_what_the_stages_proposed_before_does_not_stay() -> None:

@@ -17,6 +17,8 @@ from typing import Any
 
 import pyarrow as pa
 
+from ecat.errors import CorruptError
+
 _LENGTH = 8
 
 
@@ -44,14 +46,38 @@ class StreamsWriter(AbstractContextManager["StreamsWriter"]):
 
 
 class StreamsReader(AbstractContextManager["StreamsReader"]):
-    """Reads what :class:`StreamsWriter` has written."""
+    """Reads what :class:`StreamsWriter` has written.
+
+    Raises
+    ------
+    CorruptError : the file is cut off.
+    """
 
     def __init__(self, path: Path) -> None:
         # not mapped: what was read is kept after the file is closed
         self._file: Any = pa.OSFile(str(path), "rb")
-        size = self._file.size()
-        length = int.from_bytes(self._file.read_at(_LENGTH, size - _LENGTH), "little")
-        self._starts: dict[str, int] = json.loads(self._file.read_at(length, size - _LENGTH - length))
+        try:
+            self._starts = self._index()
+        except (ValueError, TypeError, AttributeError):
+            self._file.close()
+            raise CorruptError(
+                f"cannot read {path.name}",
+                where="it is cut off, or no part of an export",
+                consequence="nothing was put together",
+                fix=f"remove {path.parent}, then do it again",
+            ) from None
+
+    def _index(self) -> dict[str, int]:
+        before = self._file.size() - _LENGTH
+        if before < 0:
+            raise ValueError
+        length = int.from_bytes(self._file.read_at(_LENGTH, before), "little")
+        if length > before:
+            raise ValueError
+        starts: dict[str, int] = json.loads(self._file.read_at(length, before - length))
+        if not all(0 <= start <= before - length for start in starts.values()):
+            raise ValueError
+        return starts
 
     @property
     def names(self) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ecat.errors import CorruptError
 from ecat.formats.datasets.streams import StreamsReader, StreamsWriter
 
 NUMBERS = pa.schema([pa.field("n", pa.int64(), metadata={"unit": "m"}), pa.field("word", pa.string())])
@@ -60,5 +61,17 @@ def test_a_file_that_was_not_finished_cannot_be_read(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         stop()
-    with pytest.raises((ValueError, OSError)):
+    with pytest.raises(CorruptError):
         StreamsReader(tmp_path / "half")
+
+
+@given(st.data())
+def test_a_file_that_is_cut_off_is_named_with_what_to_do(data: st.DataObject) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "streams")
+        with StreamsWriter(path) as out, out.stream("a", NUMBERS) as stream:
+            stream.write_table(table([1, 2, 3]))
+        whole = path.read_bytes()
+        path.write_bytes(whole[: data.draw(st.integers(0, len(whole) - 1))])
+        with pytest.raises(CorruptError, match="remove"):
+            StreamsReader(path)
