@@ -7,6 +7,7 @@ killed) takes nobody else's work along: what was under way beside it is done aga
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import multiprocessing
 import multiprocessing.context
 import os
@@ -14,8 +15,10 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
+from multiprocessing import forkserver
 from typing import Any, Literal, TypeVar
 
 from ecat.errors import MissingExtraError, UsageError
@@ -37,38 +40,64 @@ def usual_jobs(n_tasks: int) -> int:
     return 1 if n_tasks < FEW else min(processors, n_tasks)
 
 
-def run(
-    work: Callable[[_T], _R],
-    tasks: Sequence[_T],
-    *,
-    jobs: int,
-    died: Callable[[_T], _R],
-    keep: Callable[[_R], None],
-    engine: Engine = "processes",
-) -> Generator[_R]:
-    """``work`` of every task, in the order of the tasks, each as soon as it and those before it are done.
+class Workers(AbstractContextManager["Workers"]):
+    """Who does the work, for the time of the block: processes, or the workers of Ray.
 
-    While the caller is busy with one, those behind it are worked on.  Whoever stops early closes it.
+    What takes them a second or more to start is begun when the block is entered, while the caller finds out what there
+    is to do.
 
     Parameters
     ----------
-    jobs : how many at once. died : the result of a task during which its process died. keep : is given every result
-        as it comes, in this process.
+    jobs : how many at once. imports : names of modules that the work needs, to be imported on the way.
 
     Raises
     ------
     MissingExtraError : Ray is wanted and is not installed.
     """
-    done: dict[int, _R] = {}
-    following = 0
-    made = _in_ray(work, tasks, jobs, died) if engine == "ray" else _surviving(work, tasks, jobs, died)
-    with contextlib.closing(made):
-        for index, result in made:
-            keep(result)
-            done[index] = result
-            while following in done:
-                yield done.pop(following)
-                following += 1
+
+    def __init__(self, engine: Engine, jobs: int, imports: Sequence[str] = ()) -> None:
+        self._jobs = max(1, jobs)
+        self._ray = _Cluster(self._jobs, imports) if engine == "ray" else None
+        if self._ray is None and self._jobs > 1:
+            _prepare(imports)
+
+    def __exit__(self, *failure: object) -> None:
+        if self._ray is not None:
+            self._ray.end()
+
+    def run(
+        self,
+        work: Callable[[_T], _R],
+        tasks: Sequence[_T],
+        *,
+        died: Callable[[_T], _R],
+        keep: Callable[[_R], None],
+    ) -> Generator[_R]:
+        """``work`` of every task, in the order of the tasks, each as soon as it and those before it are done.
+
+        While the caller is busy with one, those behind it are worked on.  Whoever stops early closes it.
+
+        Parameters
+        ----------
+        died : the result of a task during which its process died. keep : is given every result as it comes, in this
+            process.
+
+        Raises
+        ------
+        UsageError : Ray's cluster cannot be started or reached.
+        """
+        done: dict[int, _R] = {}
+        following = 0
+        many = self._jobs
+        ray = self._ray
+        made = _surviving(work, tasks, many, died) if ray is None else _in_ray(ray, work, tasks, died)
+        with contextlib.closing(made):
+            for index, result in made:
+                keep(result)
+                done[index] = result
+                while following in done:
+                    yield done.pop(following)
+                    following += 1
 
 
 def _surviving(
@@ -133,12 +162,15 @@ def pool(jobs: int) -> Generator[ProcessPoolExecutor]:
 
 def _context() -> multiprocessing.context.BaseContext:
     """On Linux processes are copies of one that has imported what they need, once; elsewhere a copy is not safe."""
-    if sys.platform != "linux":
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    # pyarrow imports pandas with its first array, if it is there
-    context.set_forkserver_preload(["ecat.batch", "pandas"])
-    return context
+    return multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+
+
+def _prepare(imports: Sequence[str]) -> None:
+    """Start the process that the others are copied from; it imports what they need meanwhile."""
+    if sys.platform == "linux":
+        # pyarrow imports pandas with its first array, if it is there
+        forkserver.set_forkserver_preload(["ecat.batch", "pandas", *imports])
+        forkserver.ensure_running()
 
 
 def _begin(environment: dict[str, str]) -> None:
@@ -156,55 +188,99 @@ def _end_with_parent() -> None:
 
 
 def _in_ray(
-    work: Callable[[_T], _R], tasks: Sequence[_T], jobs: int, died: Callable[[_T], _R]
+    cluster: _Cluster, work: Callable[[_T], _R], tasks: Sequence[_T], died: Callable[[_T], _R]
 ) -> Generator[tuple[int, _R]]:
-    """As Ray core tasks: in the cluster that ``RAY_ADDRESS`` names, else in one on this machine, for this call."""
-    ray = _ray()
-    begun = not ray.is_initialized()
-    if begun:
-        _begin_ray(ray, jobs)
+    """The results of Ray core tasks, as they come."""
+    ray = cluster.begun()
+    # a task that kills its worker is tried once more, as another may have taken the memory
+    remote = ray.remote(max_retries=1)(work)
+    left, under_way = iter(enumerate(tasks)), dict[Any, int]()
+    while True:
+        for index, task in _first(left, cluster.jobs * _WAITING - len(under_way)):
+            under_way[remote.remote(task)] = index
+        if not under_way:
+            return
+        [finished], _ = ray.wait(list(under_way))
+        index = under_way.pop(finished)
+        try:
+            result = ray.get(finished)
+        except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+            result = died(tasks[index])
+        yield index, result
+
+
+class _Cluster:
+    """The one that ``RAY_ADDRESS`` names, or that the program uses already; else one on this machine.
+
+    It is begun in a thread.
+    """
+
+    def __init__(self, jobs: int, imports: Sequence[str]) -> None:
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        if not _installed("ray"):
+            raise MissingExtraError(
+                "cannot use --engine ray",
+                where="Ray is not installed",
+                fix="pip install 'ecat[ray]', or leave out --engine",
+            )
+        self.jobs = jobs
+        self._imports = ("ecat.batch", "pandas", *imports)
+        self._own = False
+        self._thread = ThreadPoolExecutor(1)
+        self._begun = self._thread.submit(self._begin)
+
+    def begun(self) -> Any:
+        """The module ``ray``, once the cluster can be used.
+
+        Raises
+        ------
+        UsageError : it cannot.
+        """
+        return self._begun.result()
+
+    def end(self) -> None:
+        """End what was begun here."""
+        self._thread.shutdown()
+        if self._own:
+            self.begun().shutdown()
+
+    def _begin(self) -> Any:
+        ray = _ray()
+        if ray.is_initialized():
+            return ray
+        address = os.environ.get("RAY_ADDRESS")
+        own = {} if address else {"num_cpus": self.jobs, "include_dashboard": False}
+        try:
+            ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
+        except (
+            Exception
+        ) as error:  # a machine that is too busy to start it in time is told so by just this class
+            raise UsageError(
+                "cannot use --engine ray",
+                where=f"RAY_ADDRESS={address or ''}: {error}",
+                fix="start a cluster (ray start --head), or unset RAY_ADDRESS to have one on this machine",
+            ) from error
+        self._own = True
+        for _ in range(0 if address else self.jobs):
+            ray.remote(_import).remote(self._imports)
+        return ray
+
+
+def _installed(module: str) -> bool:
     try:
-        # a task that kills its worker is tried once more, as another may have taken the memory
-        remote = ray.remote(max_retries=1)(work)
-        left, under_way = iter(enumerate(tasks)), dict[Any, int]()
-        while True:
-            for index, task in _first(left, jobs * _WAITING - len(under_way)):
-                under_way[remote.remote(task)] = index
-            if not under_way:
-                return
-            [finished], _ = ray.wait(list(under_way))
-            index = under_way.pop(finished)
-            try:
-                result = ray.get(finished)
-            except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
-                result = died(tasks[index])
-            yield index, result
-    finally:
-        if begun:
-            ray.shutdown()
+        return importlib.util.find_spec(module) is not None
+    except ValueError:  # what is None among the modules cannot be imported
+        return False
 
 
 def _ray() -> Any:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    try:
-        import ray
-    except ImportError:
-        raise MissingExtraError(
-            "cannot use --engine ray",
-            where="Ray is not installed",
-            fix="pip install 'ecat[ray]', or leave out --engine",
-        ) from None
+    import ray
+
     return ray
 
 
-def _begin_ray(ray: Any, jobs: int) -> None:
-    address = os.environ.get("RAY_ADDRESS")
-    own = {} if address else {"num_cpus": jobs, "include_dashboard": False}
-    try:
-        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
-    except Exception as error:  # a machine that is too busy to start it in time is told so by just this class
-        raise UsageError(
-            "cannot use --engine ray",
-            where=f"RAY_ADDRESS={address or ''}: {error}",
-            fix="start a cluster (ray start --head), or unset RAY_ADDRESS to have one on this machine",
-        ) from error
+def _import(modules: Sequence[str]) -> None:
+    """What a process needs before its first task; what is missing is missed there, if it is needed."""
+    for module in modules:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(module)

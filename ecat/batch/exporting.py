@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ecat import formats
-from ecat.batch import engines
-from ecat.batch.engines import Engine, usual_jobs
+from ecat.batch.engines import Engine, Workers, usual_jobs
 from ecat.batch.faults import fault
 from ecat.batch.shards import Shard
 from ecat.errors import EcatError, UsageError
-from ecat.formats import ExportReport, exporting, registry
+from ecat.formats import ExportReport, Format, exporting, registry
 from ecat.formats.exporting import Made, Task
 from ecat.formats.options import read_options
 from ecat.progress import Progress, silent
@@ -58,9 +57,9 @@ def export_sessions(
     chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
     tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
     if shard is not None:
-        with closing(_all(shard.of(tasks), jobs, engine, progress)) as outcomes:
+        with closing(_all(chosen, shard.of(tasks), jobs, engine, progress)) as outcomes:
             return _share(tasks[0], list(outcomes))
-    return exporting.join(dest, chosen, tasks, _all(tasks, jobs, engine, progress), progress)
+    return exporting.join(dest, chosen, tasks, _all(chosen, tasks, jobs, engine, progress), progress)
 
 
 def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
@@ -74,7 +73,9 @@ def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
     )
 
 
-def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress) -> Generator[Made]:
+def _all(
+    chosen: Format, tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress
+) -> Generator[Made]:
     """What becomes of them, in their order, each as soon as it and those before it are done."""
     jobs = usual_jobs(len(tasks)) if jobs is None else max(1, min(jobs, len(tasks)))
     if len(tasks) == 1:
@@ -94,7 +95,8 @@ def _all(tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Prog
             keep(outcome)
             yield outcome
         return
-    yield from engines.run(_outcome, tasks, jobs=jobs, died=_died, keep=keep, engine=engine)
+    with Workers(engine, jobs, [chosen.part.__module__] if chosen.part else []) as workers:
+        yield from workers.run(_outcome, tasks, died=_died, keep=keep)
 
 
 def _outcome(task: Task) -> Made:

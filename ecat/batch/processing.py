@@ -7,8 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ecat.batch import engines
-from ecat.batch.engines import Engine, usual_jobs
+from ecat.batch.engines import Engine, Workers, usual_jobs
 from ecat.batch.faults import fault
 from ecat.batch.shards import Shard
 from ecat.errors import EcatError
@@ -18,6 +17,7 @@ from ecat.progress import Progress, beginning, silent
 
 _FIRST = "track"
 """The stage that finds the marks by which boxes are measured."""
+_IMPORTS = ("ecat.stages",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +90,12 @@ def process_sessions(
     ]
     if len(paths) == 1 and tasks and engine == "processes":
         return [_attempt(tasks[0], progress)]
-    spread = _Spread(jobs, engine, name, progress)
-    if prototypes is None and set(stages or ()) != {_FIRST}:
-        return _with_boxes(tasks, paths, spread)
-    return spread.all(tasks)
+    jobs = usual_jobs(len(tasks)) if jobs is None else min(jobs, len(tasks))
+    with Workers(engine, jobs, _IMPORTS) as workers:
+        spread = _Spread(workers if engine == "ray" or jobs > 1 else None, name, progress)
+        if prototypes is None and set(stages or ()) != {_FIRST}:
+            return _with_boxes(tasks, paths, spread)
+        return spread.all(tasks)
 
 
 def _with_boxes(tasks: Sequence[_Task], paths: Sequence[Path], spread: _Spread) -> list[Outcome]:
@@ -112,17 +114,15 @@ def _with_boxes(tasks: Sequence[_Task], paths: Sequence[Path], spread: _Spread) 
 
 @dataclass(frozen=True, slots=True)
 class _Spread:
-    """Where the work is done, and who hears of it."""
+    """Who does the work (None: this process), and who hears of it."""
 
-    jobs: int | None
-    engine: Engine
+    workers: Workers | None
     name: Callable[[Path], str]
     progress: Progress
 
     def all(self, tasks: Sequence[_Task]) -> list[Outcome]:
         """What became of all of them, in their order."""
-        jobs = usual_jobs(len(tasks)) if self.jobs is None else min(self.jobs, len(tasks))
-        if self.engine == "processes" and jobs <= 1:
+        if self.workers is None or not tasks:
             return [_outcome(task, self._within(task.path, i, len(tasks))) for i, task in enumerate(tasks)]
         done = 0
 
@@ -132,8 +132,7 @@ class _Spread:
             self.progress(self.name(outcome.path), done, len(tasks))
 
         self.progress("starting", 0, len(tasks))
-        work = engines.run(_outcome, tasks, jobs=max(1, jobs), died=_died, keep=keep, engine=self.engine)
-        with closing(work):
+        with closing(self.workers.run(_outcome, tasks, died=_died, keep=keep)) as work:
             return list(work)
 
     def _within(self, path: Path, index: int, n_sessions: int) -> Progress:

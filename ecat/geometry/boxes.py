@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ def box_corners(prototype: BoxPrototype) -> Floats:
     return np.einsum("fij,kj->fki", turn, SQUARE) * side[:, None, None] + centre[:, None]
 
 
+@lru_cache(1 << 14)
 def identify(code: str, printed: str, *, mirrored: bool) -> int | None:
     """Quarter turns by which a code as read is rotated against the printed pattern, or None if it is another
     one.

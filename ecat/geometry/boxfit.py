@@ -8,7 +8,7 @@ freedom, one in a hand has six.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -73,6 +73,17 @@ class Sightings:
         planes = None if self.planes is None else self.planes[rows]
         return Sightings(self.pixels[rows], self.points[rows], self.sharpness[rows], planes)
 
+    @classmethod
+    def joined(cls, parts: Sequence[Sightings]) -> Sightings:
+        """The frames of all, one after the other; all of them have planes, or none."""
+        planes = [part.planes for part in parts if part.planes is not None]
+        return cls(
+            np.concatenate([part.pixels for part in parts]),
+            np.concatenate([part.points for part in parts]),
+            np.concatenate([part.sharpness for part in parts]),
+            np.concatenate(planes) if planes else None,
+        )
+
     def only_face(self, face: int) -> Sightings:
         """The same with every other face hidden."""
         hide = np.arange(self.pixels.shape[1]) != face
@@ -89,12 +100,21 @@ class Sightings:
 class Scene:
     """What stands still during a session: the camera, the table (camera-from-table), a box's marker corners
     (faces, 4, 3) in box axes, and the height of its centre when it rests.
+
+    Frames of several sessions are solved together where ``table`` is an array of them, (n, 1, 1) for n frames.
     """
 
     camera: Camera
     table: Rigid
     corners: Floats
     rest_height_m: float
+
+    def __getitem__(self, rows: Rows) -> Scene:
+        """The scene of some of the frames."""
+        table = self.table
+        if table.rotation.ndim == 2:
+            return self
+        return replace(self, table=Rigid(table.rotation[rows], table.translation[rows]))
 
     def off_rest(self, pose: Rigid) -> Floats:
         """Height over where it rests and turns about the table's x and y (n, 3) by which it is not upright."""
@@ -170,7 +190,8 @@ def linearise(seen: Sightings, scene: Scene, placed: Floats, noise: Noise) -> Pa
         return flat, solid
     normal, offset, sigma = np.split(seen.planes[:, :, None], (3, 4), -1)
     away = -((camera_points * normal).sum(-1, keepdims=True) + offset) / sigma
-    slope = np.broadcast_to((normal @ scene.table.rotation / sigma)[..., None, :], (*placed.shape[:-1], 1, 3))
+    slope = normal[..., None, :] @ scene.table.rotation / sigma[..., None]
+    slope = np.broadcast_to(slope, (*placed.shape[:-1], 1, 3))
     return flat, solid, _weigh(away, slope, 1.0, noise.cauchy)
 
 
@@ -221,10 +242,10 @@ def refine(
     held = list(freedom)
     pull = None if rest is None else 1 / rest**2
     pose = Rigid(start.rotation.copy(), start.translation.copy())
-    rows, here, now = np.arange(len(seen)), seen, pose
+    rows, here, around, now = np.arange(len(seen)), seen, scene, pose
     damping = np.full(len(seen), 1e-3)
     placed = place(now, scene.corners)
-    parts = linearise(here, scene, placed, noise)
+    parts = linearise(here, around, placed, noise)
     for _ in range(steps):
         hessian, gradient = normal_equations(parts, motion(placed, now, held))
         if pull is not None:
@@ -233,7 +254,7 @@ def refine(
         step = _damped_step(hessian, gradient, damping, held)
         trial = Rigid(matrix_from_rotvec(step[:, 3:]) @ now.rotation, now.translation + step[:, :3])
         trial_placed = place(trial, scene.corners)
-        trial_parts = linearise(here, scene, trial_placed, noise)
+        trial_parts = linearise(here, around, trial_placed, noise)
         before, after = _cost(parts), _cost(trial_parts)
         if pull is not None:
             before, after = (
@@ -247,7 +268,8 @@ def refine(
         moving = np.flatnonzero(~better | (np.abs(step).max(1) > 1e-6))
         if not moving.size:
             break
-        rows, here, damping, placed = rows[moving], here[moving], damping[moving], placed[moving]
+        rows, here, around = rows[moving], here[moving], around[moving]
+        damping, placed = damping[moving], placed[moving]
         now = Rigid(now.rotation[moving], now.translation[moving])
         parts = tuple(part[moving] for part in parts)
     return _fit(seen, scene, pose, noise)
@@ -300,8 +322,8 @@ def resting_start(seen: Sightings, scene: Scene) -> Rigid:
     """
     level = scene.corners[..., 2] + scene.rest_height_m
     view = scene.table.inverse() @ scene.camera.from_reference.inverse()
-    rays = scene.camera.unproject(seen.pixels) @ view.rotation.T
-    hit = view.translation + ((level - view.translation[2]) / rays[..., 2])[..., None] * rays
+    rays = np.einsum("...ij,...j->...i", view.rotation, scene.camera.unproject(seen.pixels))
+    hit = view.translation + ((level - view.translation[..., 2]) / rays[..., 2])[..., None] * rays
     solid = scene.table.inverse().apply(seen.points)
     flat = np.where(np.isfinite(hit), hit, solid)[..., :2].reshape(len(seen), -1, 2)
     model = np.broadcast_to(scene.corners[..., :2].reshape(-1, 2), flat.shape)

@@ -56,7 +56,11 @@ class Camera:
         by_point = np.zeros((*xy.shape[:-1], 2, 3))
         by_point[..., 0, 0] = by_point[..., 1, 1] = 1 / z
         by_point[..., :, 2] = -xy / z[..., None]
-        return pixels, focal[:, None] * (bend @ by_point @ self.from_reference.rotation)
+        if any(self.distortion):
+            by_point = bend @ by_point
+        # one product of large matrices is quicker than many of small ones
+        turned = (by_point.reshape(-1, 3) @ self.from_reference.rotation).reshape(by_point.shape)
+        return pixels, focal[:, None] * turned
 
     def unproject(self, pixels: Floats) -> Floats:
         """Ray directions (..., 3) with z = 1, in this camera's frame, of pixels (..., 2).

@@ -50,12 +50,16 @@ def changes(some: Floats, others: Floats, noise: RangeNoise, share: float = STIL
     """
     differ = np.empty((len(some), len(others)))
     for k, view in enumerate(some):
-        change = np.abs(others - view) / (1.4142 * noise.sigma(np.fmin(others, view)))
+        first = k if some is others else 0  # two views differ as much either way
+        rest = others[first:]
+        change = np.abs(rest - view) / (1.4142 * noise.sigma(np.fmin(rest, view)))
         common = np.isfinite(change)
         ordered = np.sort(np.where(common, change, np.inf), 1)
         count = common.sum(1)
-        most = ordered[np.arange(len(others)), (share * np.maximum(count - 1, 0)).astype(int)]
-        differ[k] = np.where(count >= 0.05 * change.shape[1], most, np.inf)
+        most = ordered[np.arange(len(rest)), (share * np.maximum(count - 1, 0)).astype(int)]
+        differ[k, first:] = np.where(count >= 0.05 * change.shape[1], most, np.inf)
+        if some is others:
+            differ[first:, k] = differ[k, first:]
     return differ
 
 

@@ -173,8 +173,8 @@ def _best_candidate(
     row, column = np.nonzero(left)
     some = rng.permutation(len(row))[:_SAMPLE]
     depth, sight = z[row[some], column[some]], rays[row[some], column[some]]
-    limit = _COARSE * noise.sigma(depth) / depth**2
-    cost = [np.minimum(np.abs(sight @ a - 1 / depth) / limit, 1).sum() for a in candidates]
+    limit, inverse = _COARSE * noise.sigma(depth) / depth**2, 1 / depth
+    cost = [np.minimum(np.abs(sight @ a - inverse) / limit, 1).sum() for a in candidates]
     return candidates[int(np.argmin(cost))]
 
 
@@ -208,27 +208,39 @@ def _settled(
     First everything near counts, in the end only the largest connected part of it, and only what is near by the scatter
     that was found: what stands on a table lies on one side of it and would lift the plane.
     """
-    inside = near_plane(a, z, rays, noise, _COARSE) & allowed
-    for _ in range(6):
-        if inside.sum() < 20:
-            return None
-        a = _least_squares(z[inside], rays[inside], noise)
-        inside = near_plane(a, z, rays, noise, _COARSE) & allowed
-    part = kept = _largest_part(inside)
+    agree = np.zeros_like(allowed)
+    a, agree[allowed] = _agreed(a, z[allowed], rays[allowed], noise)
+    part = kept = _largest_part(agree)
     if part.sum() < 20:
         return None
+    depth, sight = z[part], rays[part]
+    inverse, squared, sigma = 1 / depth, depth**2, noise.sigma(depth)
     for _ in range(12):
-        residual = (rays[part] @ a - 1 / z[part]) * z[part] ** 2 / noise.sigma(z[part])
+        residual = (sight @ a - inverse) * squared / sigma
         middle = float(np.median(residual))
         scale = max(1.4826 * float(np.median(np.abs(residual - middle))), 0.05)
+        used = np.abs(residual - middle) < _FINE * scale
         kept = np.zeros_like(part)
-        kept[part] = np.abs(residual - middle) < _FINE * scale
-        before, a = a, _least_squares(z[kept], rays[kept], noise)
+        kept[part] = used
+        before, a = a, _least_squares(depth[used], sight[used], noise)
         if np.abs(a - before).max() < 1e-7:
             break
     length = float(np.linalg.norm(a))
     away = np.abs(rays[kept] @ a * z[kept] - 1) / length
     return Surface(-a / length, 1 / length, kept, float(np.sqrt((away**2).mean())), float(away.max()))
+
+
+def _agreed(a: Floats, z: Floats, rays: Floats, noise: RangeNoise) -> tuple[Floats, NDArray[np.bool_]]:
+    """The plane that fits the pixels (n,) near it best, and which they are; none if they are too few."""
+    inside = near_plane(a, z, rays, noise, _COARSE)
+    for _ in range(6):
+        if inside.sum() < 20:
+            return a, np.zeros_like(inside)
+        a = _least_squares(z[inside], rays[inside], noise)
+        before, inside = inside, near_plane(a, z, rays, noise, _COARSE)
+        if np.array_equal(before, inside):
+            break
+    return a, inside
 
 
 def _least_squares(z: Floats, rays: Floats, noise: RangeNoise) -> Floats:

@@ -6,14 +6,7 @@ whose record matches is skipped.
 
 from __future__ import annotations
 
-from ecat.process.graph import (
-    ProcessReport,
-    made_by,
-    process_session,
-    require_stages,
-    stage_names,
-    stale_tables,
-)
+from ecat.process.graph import made_by, require_stages, stage_names, stale_tables
 from ecat.process.prototypes import (
     calibrate,
     calibrate_together,
@@ -22,6 +15,7 @@ from ecat.process.prototypes import (
     to_be_tracked,
     write_prototypes,
 )
+from ecat.process.running import ProcessReport, process_session
 
 __all__ = [
     "ProcessReport",

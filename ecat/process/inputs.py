@@ -7,6 +7,7 @@ import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
+from threading import Lock
 from types import TracebackType
 from typing import TYPE_CHECKING, cast
 
@@ -97,6 +98,7 @@ class StageImages(AbstractContextManager["StageImages"]):
         self._session = session
         self._opened: dict[str, StreamImages] = {}
         self._stack = ExitStack()
+        self._lock = Lock()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -106,13 +108,15 @@ class StageImages(AbstractContextManager["StageImages"]):
     def of(self, stage: Stage) -> dict[str, Images]:
         """What a stage looks at, by kind; streams that the session has not are missing."""
         streams = {kind: image_stream(self._session, kind) for kind in stage.images}
-        return {kind: self._images(stream) for kind, stream in streams.items() if stream is not None}
+        with self._lock:  # stages that run side by side ask for the same ones
+            return {kind: self._images(stream) for kind, stream in streams.items() if stream is not None}
 
     def _images(self, stream: Stream) -> StreamImages:
         if stream.name not in self._opened:
-            # colour tells nothing that grey does not, and costs three times as much; a second thread decodes while the
-            # stage is at work
-            images = open_images(self._session, stream.name, gray=stream.kind == "color", threads=2)
+            # colour tells nothing that grey does not, and costs three times as much; while the stage is at work, its
+            # next images are decoded: of depth by two threads, which with H.264 wait for each other
+            is_color = stream.kind == "color"
+            images = open_images(self._session, stream.name, gray=is_color, threads=2 if is_color else 3)
             self._opened[stream.name] = self._stack.enter_context(images)
         return self._opened[stream.name]
 

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ecat.errors import InputError
-from ecat.geometry.boxes import identify, match_codes
+from ecat.geometry.boxes import box_corners, identify, match_codes
 from ecat.geometry.boxfit import RESTING, Noise, refine, resting_start
 from ecat.geometry.boxpose import scene_of
 from ecat.geometry.bundle import Priors, Track, adjust
@@ -159,11 +159,13 @@ def calibrate_boxes(
     # a recording that shows none of them says nothing, and may not even have a table
     used = [i for i, shown in enumerate(seen) if any(np.isfinite(box.seen.pixels).any() for box in shown)]
     tables = [drawn[i] or _standing_table(seen[i], laid, parameters) for i in used]
-    tracks = [
-        Track(table, box.prototype, box.seen[:: parameters.every])
-        for table, i in enumerate(used)
-        for box in seen[i]
-    ]
+    tracks = Track.joined(
+        [
+            Track(table, box.prototype, box.seen[:: parameters.every])
+            for table, i in enumerate(used)
+            for box in seen[i]
+        ]
+    )
     polygons = [recordings[i].polygon for i in used]
     measured = _measured(tracks, tables, laid, polygons, parameters)
     if measured is None:
@@ -197,12 +199,12 @@ def _measured(
     for sharp in (False, True):
         rested = [_rested(track, planes, now, parameters, sharp=sharp) for track in tracks]
         often = np.zeros(len(boxes), np.int64)
-        np.add.at(often, [track.box for track in rested], [len(track.seen) for track in rested])
+        np.add.at(often, [track.box for track in rested], [len(track) for track in rested])
         enough = often >= parameters.min_rested
         if not enough.any():
             return None
         bundle = adjust(
-            [track for track in rested if enough[track.box] and len(track.seen)],
+            [track for track in rested if enough[track.box] and len(track)],
             planes,
             now,
             parameters.camera,
@@ -230,13 +232,17 @@ def _rested(
     3-D corners cannot be judged, and count as well.
     """
     box = boxes[track.box]
-    scene, noise = scene_of(box, parameters.camera, tables[track.table]), parameters.noise
-    sigma_px = noise.sigma_px if sharp else SteadyErrors().image_noise(noise, box, scene)
+    camera, noise = parameters.camera, parameters.noise
+    scene = track.scene(tables, box_corners(box), box.size_m[2] / 2, camera)
+    sigma_px: float | Floats = noise.sigma_px
+    if not sharp:
+        blurred = [SteadyErrors().image_noise(noise, box, scene_of(box, camera, table)) for table in tables]
+        sigma_px = np.array(blurred)[track.table]
     errors = refine(track.seen, scene, resting_start(track.seen, scene), noise, freedom=RESTING).errors_px
     seen = np.isfinite(errors)
     square = np.where(seen, errors, 0.0) ** 2 / 2
     rms = np.sqrt(square.sum((1, 2)) / np.maximum(seen.sum((1, 2)), 1))
-    return replace(track, seen=track.seen[rms <= parameters.off * sigma_px])
+    return track[rms <= parameters.off * sigma_px]
 
 
 def _drawn_table(polygon: Floats) -> Rigid | None:

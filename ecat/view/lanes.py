@@ -146,20 +146,35 @@ def event_name(row: Mapping[str, Any]) -> str:
     return label + (" ?" if row["unsure"] else "")
 
 
+def event_kind(row: Mapping[str, Any]) -> str:
+    """What an event is an example of: its type, or what it is called where it has none."""
+    return row["type"] or row["text"].strip() or row["event_id"]
+
+
+def _lane_label(row: Mapping[str, Any]) -> str:
+    """A person's words for what they confirmed; of proposals, whose sentences all begin alike, the type."""
+    if not is_proposed(row):
+        return event_name(row)
+    return event_kind(row) + (" ?" if row["unsure"] else "")
+
+
 def is_proposed(row: Mapping[str, Any]) -> bool:
     """Whether nobody has confirmed the event or relation yet."""
     return row["status"] == "proposed"
 
 
 def _tops(rows: Iterable[Mapping[str, Any]], root: str) -> Callable[[Mapping[str, Any]], str]:
-    """Below which entity a row's lanes lie: proposals apart, and layers where there are several."""
+    """Below which entity a row's lanes lie: proposals apart and by author, and layers where there are several."""
     layers = {(row["layer"], is_proposed(row)) for row in rows}
     several = {state: sum(other == state for _, other in layers) > 1 for state in (True, False)}
 
     def top(row: Mapping[str, Any]) -> str:
         proposed = is_proposed(row)
-        layer = f"/{entity_part(row['layer'])}" if several[proposed] else ""
-        return f"{PROPOSED if proposed else ''}{root}{layer}"
+        parts = [row["layer"]] if several[proposed] else []
+        # relations have no author in their table
+        if proposed and row.get("author"):
+            parts.append(row["author"])
+        return "/".join([f"{PROPOSED if proposed else ''}{root}", *map(entity_part, parts)])
 
     return top
 
@@ -168,6 +183,7 @@ def _tops(rows: Iterable[Mapping[str, Any]], root: str) -> Callable[[Mapping[str
 class _Event:
     id: str
     label: str
+    kind: str
     whole: Span
     stretches: tuple[Span, ...]
     depth: int
@@ -191,7 +207,8 @@ def _tiers(tables: Mapping[str, pa.Table], n_frames: int) -> Iterator[tuple[str,
     for row, whole in zip(rows, spans(tables["events"], n_frames), strict=True):
         key = (row["layer"], row["event_id"])
         parts = tuple(stretches[key] or [whole])
-        event = _Event(key[1], event_name(row), whole, parts, depth.get(key, 0), is_proposed(row))
+        nested = depth.get(key, 0)
+        event = _Event(key[1], _lane_label(row), event_kind(row), whole, parts, nested, is_proposed(row))
         tiers[f"{top(row)}/{entity_part(row['tier'] or 'event')}"].append(event)
     yield from tiers.items()
 
@@ -199,11 +216,11 @@ def _tiers(tables: Mapping[str, pa.Table], n_frames: int) -> Iterator[tuple[str,
 def events(tables: Mapping[str, pa.Table], scene: Scene) -> Iterator[Chunk]:
     """Tables ``events``, ``event_segments`` and ``event_links`` as lanes ``/events/<tier>/<lane>``.
 
-    With several layers, each has its own lanes below ``/events/<layer>``; proposals lie below ``/proposed``.
-    Equal labels have equal colours, proposals the paler ones.
+    With several layers, each has its own lanes below ``/events/<layer>``; proposals lie below
+    ``/proposed/events/<author>``.  Equal types have equal colours, proposals the paler ones.
     """
-    labels = dict.fromkeys(event_name(row) for row in tables["events"].to_pylist())
-    colors = {label: PALETTE[i % len(PALETTE)] for i, label in enumerate(labels)}
+    kinds = dict.fromkeys(event_kind(row) for row in tables["events"].to_pylist())
+    colors = {kind: PALETTE[i % len(PALETTE)] for i, kind in enumerate(kinds)}
     for path, mine in _tiers(tables, scene.timebase.n_frames):
         lanes = assign_lanes([event.whole for event in mine], [event.depth for event in mine])
         for number in sorted(set(lanes)):
@@ -212,7 +229,7 @@ def events(tables: Mapping[str, pa.Table], scene: Scene) -> Iterator[Chunk]:
             styles = {
                 event.id: (
                     event.label,
-                    rgba(pale(colors[event.label]) if event.proposed else colors[event.label]),
+                    rgba(pale(colors[event.kind]) if event.proposed else colors[event.kind]),
                 )
                 for event in shown
             }
@@ -220,12 +237,12 @@ def events(tables: Mapping[str, pa.Table], scene: Scene) -> Iterator[Chunk]:
 
 
 def event_log(events_table: pa.Table, scene: Scene) -> Iterator[Chunk]:
-    """Every event as a line of text at its start."""
+    """Every event as a line of text at its start; of proposals, who proposed them too."""
     import rerun as rr
 
     ordered = events_table.sort_by("start_frame")
     lines = [
-        f"{event_label(row)}  [{start}, {end})"
+        f"{event_label(row)}  [{start}, {end})" + (f"  {row['author']}" if is_proposed(row) else "")
         for row, (start, end) in zip(
             ordered.to_pylist(), spans(ordered, scene.timebase.n_frames), strict=True
         )

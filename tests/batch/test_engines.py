@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ecat.batch import engines
-from ecat.batch.engines import Engine, usual_jobs
+from ecat.batch.engines import Engine, Workers, usual_jobs
 from ecat.errors import MissingExtraError, UsageError
 
 ENGINES: list[Engine] = ["processes", "ray"]
@@ -43,7 +43,10 @@ def died(task: Task) -> int:
 
 def results(tasks: list[Task], engine: Engine, jobs: int = 2) -> list[int]:
     kept: list[int] = []
-    found = list(engines.run(square, tasks, jobs=jobs, died=died, keep=kept.append, engine=engine))
+    with Workers(engine, jobs) as workers:
+        found = list(workers.run(square, tasks, died=died, keep=kept.append))
+        # those who have done it can do more
+        assert list(workers.run(square, tasks[:1], died=died, keep=lambda _: None)) == found[:1]
     assert sorted(kept) == sorted(found)
     return found
 
@@ -99,9 +102,10 @@ def test_processes_do_not_outlive_the_one_that_started_them() -> None:
 
 @pytest.mark.slow
 def test_whoever_has_enough_ends_the_processes() -> None:
-    work = engines.run(square, [Task(n) for n in range(100)], jobs=2, died=died, keep=lambda _: None)
-    assert [next(work), next(work)] == [0, 1]
-    work.close()
+    with Workers("processes", 2) as workers:
+        work = workers.run(square, [Task(n) for n in range(100)], died=died, keep=lambda _: None)
+        assert [next(work), next(work)] == [0, 1]
+        work.close()
     assert multiprocessing.active_children() == []
 
 
@@ -113,8 +117,9 @@ def environment(name: str) -> str | None:
 def test_processes_have_the_environment_of_now(monkeypatch: pytest.MonkeyPatch) -> None:
     for value in ("first", "then"):
         monkeypatch.setenv("ECAT_TEST_PLACE", value)
-        work = engines.run(environment, ["ECAT_TEST_PLACE"], jobs=1, died=str, keep=lambda _: None)
-        assert list(work) == [value]
+        with Workers("processes", 1) as workers:
+            work = workers.run(environment, ["ECAT_TEST_PLACE"], died=str, keep=lambda _: None)
+            assert list(work) == [value]
 
 
 def test_nothing_to_do_takes_no_process() -> None:
@@ -124,7 +129,7 @@ def test_nothing_to_do_takes_no_process() -> None:
 def test_without_ray_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     with pytest.raises(MissingExtraError, match="cannot use --engine ray") as caught:
-        list(engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray"))
+        Workers("ray", 1)
     assert "ecat[ray]" in caught.value.fix
 
 
@@ -136,10 +141,14 @@ def test_a_cluster_that_does_not_start_or_answer_is_said(monkeypatch: pytest.Mon
         def init(self, **_: object) -> None:
             raise Exception("The current node timed out during startup.")  # noqa: TRY002  as Ray does
 
+    monkeypatch.setattr(engines, "_installed", lambda _: True)
     monkeypatch.setattr(engines, "_ray", Ray)
     monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
-    with pytest.raises(UsageError, match=r"10\.0\.0\.1:6379: The current node timed out"):
-        list(engines.run(square, [Task(1)], jobs=1, died=died, keep=lambda _: None, engine="ray"))
+    with (
+        pytest.raises(UsageError, match=r"10\.0\.0\.1:6379: The current node timed out"),
+        Workers("ray", 1) as workers,
+    ):
+        list(workers.run(square, [Task(1)], died=died, keep=lambda _: None))
 
 
 def test_few_tasks_are_done_by_one_process() -> None:

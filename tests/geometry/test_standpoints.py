@@ -116,3 +116,10 @@ def test_the_outline_of_a_table_tells_how_the_camera_moved() -> None:
 def test_outlines_of_two_tables_do_not_fit() -> None:
     ring = np.array([[0.8, 0.5], [-0.8, 0.5], [-0.8, -0.5], [0.8, -0.5]])
     assert outline_motion(ring, 0.9 * ring) is None
+
+
+def test_views_differ_from_one_another_as_they_differ_from_copies() -> None:
+    rng = np.random.default_rng(3)
+    views = rng.normal(1.5, 0.02, (7, 80))
+    views[rng.random(views.shape) < 0.2] = np.nan
+    np.testing.assert_array_equal(changes(views, views, NOISE), changes(views, views.copy(), NOISE))

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ecat.geometry.cameras import KINECT_V2_DEPTH
 from ecat.model import Stream
-from ecat.process import graph
 from ecat.sample import sample_session
 from ecat.sample.truth import GroundTruth
 from ecat.stages import STAGES
@@ -87,5 +86,5 @@ def find(monkeypatch: pytest.MonkeyPatch, marks: Sequence[pa.Table]) -> list[int
         return {"markers_2d": by_length[last]}
 
     stages = tuple(replace(stage, run=run) if stage.name == "track" else stage for stage in STAGES)
-    monkeypatch.setattr(graph, "_stages", lambda: stages)
+    monkeypatch.setattr("ecat.stages.STAGES", stages)
     return looked_at

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecat.model import ProjectManifest, Stream
-from ecat.process.graph import process_session
+from ecat.process import process_session
 from ecat.sample import sample_session
 from ecat.store import Draft, create_project, create_session
 from ecat.store.media import ColorWriter, DepthWriter

@@ -22,7 +22,14 @@ from numpy.typing import NDArray
 from ecat.errors import FormatError
 from ecat.formats.ecat2018.lexical import attribute, text
 from ecat.formats.ecat2018.number_text import format_float32, parse_floats, parse_int
-from ecat.formats.ecat2018.xml_input import Element, iterparse_safe, place, reading, required_attribute
+from ecat.formats.ecat2018.xml_input import (
+    Element,
+    iterparse_safe,
+    open_input,
+    place,
+    reading,
+    required_attribute,
+)
 
 JOINTS = (
     "SpineShoulder",
@@ -32,6 +39,10 @@ JOINTS = (
 LABELS = ("rig_role", "box1_role", "box2_role", "verb", "preposition")
 _PARTS = (("rig", len(JOINTS)), ("glyph", 4), ("glyph", 4))
 _POINTS = len(JOINTS) + 8
+_HEAD_BYTES = 4096
+_BEFORE_XML = b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n"
+"""White space and byte order marks; of other encodings too, as an error says what is wrong with these."""
+_MOST_FINDINGS = 20
 _TO_OPENCV = np.array([-1.0, -1.0, 1.0])
 _NAME = pa.dictionary(pa.int32(), pa.string())
 _XYZ = tuple(pa.field(axis, pa.float64()) for axis in "xyz")
@@ -87,12 +98,39 @@ class _Open:
 # ---------------------------------------------------------------------------------------------- reading
 
 
+def learning_exports_below(folder: Path) -> tuple[list[Path], list[str]]:
+    """The files ``*.txt`` in a folder and all folders in it, by path, and a line for each that was left out.
+
+    Left out is what is not XML, by its first character: notes lie beside exports.  Whether the others are exports shows
+    when they are read.
+
+    Raises
+    ------
+    StoreError : a file cannot be read.
+    """
+    paths = sorted(path for path in folder.rglob("*.txt") if path.is_file())
+    found = [path for path in paths if _begins_as_xml(path)]
+    others = sorted({*paths} - {*found})
+    findings = [
+        f"{path} was left out: it is not XML, so no learning export" for path in others[:_MOST_FINDINGS]
+    ]
+    if len(others) > _MOST_FINDINGS:
+        findings.append(f"{len(others) - _MOST_FINDINGS:,} more were left out: they are not XML")
+    return found, findings
+
+
+def _begins_as_xml(path: Path) -> bool:
+    with open_input(path, reading(path, "")) as file:
+        return file.read(_HEAD_BYTES).lstrip(_BEFORE_XML).startswith(b"<")
+
+
 def read_learning_export(source: Path | bytes) -> Iterator[ExportedSession]:
     """The sessions of an export, one in memory at a time, in the order in which they end.
 
-    Raises ------ FormatError : not an export, a frame without one rig of 13 joints and two boxes of 4
-    corners, or an event without
-        five labels. Sessions complete before the fault have been yielded.
+    Raises
+    ------
+    FormatError : not an export, a frame without one rig of 13 joints and two boxes of 4 corners, or an event
+        without five labels. Sessions complete before the fault have been yielded.
     LimitError : a text or element too large.
     StoreError : the file cannot be read.
     """
@@ -128,7 +166,7 @@ def _int(element: Element, name: str, what: str) -> int:
 def _points(frame: Element, what: str) -> NDArray[np.float64]:
     """float64[21, 3]: joints, box 1, box 2, in camera/depth; NaN for points never seen."""
     if [child.get("type") for child in frame] != [kind for kind, _ in _PARTS]:
-        raise FormatError(what, where=f"{place(frame)}: expected one rig and two glyphs")
+        raise FormatError(what, where=_unlike(frame))
     values = np.concatenate(
         [
             parse_floats(child.text or "", 3 * count, what=what, where=place(child))
@@ -137,6 +175,20 @@ def _points(frame: Element, what: str) -> NDArray[np.float64]:
     ).reshape(_POINTS, 3)
     seen = np.isfinite(values).all(axis=1, keepdims=True) & values.any(axis=1, keepdims=True)
     return np.where(seen, values * _TO_OPENCV, np.nan)
+
+
+def _unlike(frame: Element) -> str:
+    """What a frame has instead of a rig and two glyphs, in that order, and in which session."""
+    kinds = [child.get("type") for child in frame]
+    rigs, boxes = (kinds.count(kind) for kind in ("rig", "glyph"))
+    found = f"{rigs} rig{'s' * (rigs != 1)}, {boxes} glyph{'s' * (boxes != 1)}"
+    if others := len(kinds) - rigs - boxes:
+        found += f", {others} of another type"
+    elif (rigs, boxes) == (1, 2):
+        found += " in another order"
+    name = next((session.get("name") for session in frame.iterancestors("session")), None)
+    inside = "" if name is None else f" of session {name[:100]}"
+    return f"{place(frame)}{inside}: expected one rig and two glyphs, found {found}"
 
 
 def _event(element: Element, what: str) -> _Event:

@@ -20,6 +20,7 @@ from ecat.geometry.nearest import nearest_in_time
 from ecat.model import Manifest, Stream
 from ecat.store.media.dep import DepthFile
 from ecat.store.media.sources import DepthFileImages, Parts, Source, VideoImages
+from ecat.store.together import go_on
 
 if TYPE_CHECKING:
     from ecat.geometry.cameras import Camera
@@ -148,6 +149,7 @@ class StreamImages(AbstractContextManager["StreamImages"]):
             for image in images:
                 if done == expected:
                     break
+                go_on()
                 yield image
                 done += 1
         except FormatError as error:
@@ -211,7 +213,8 @@ def open_images(session: Session, stream_name: str, *, gray: bool = False, threa
     Parameters
     ----------
     gray : colour images as their luma, one byte a pixel.
-    threads : how many the decoder may use; one by default, so that sessions can be worked on side by side.
+    threads : how many take part; one by default, so that sessions can be worked on side by side.  With more, images are
+        decoded ahead of their use, by all but the one that uses them.
 
     Raises
     ------

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 _SEEK_PACKETS = 64
 """Fewer packets than this are faster read and thrown away than jumped over."""
+_AHEAD = 12
+"""Images decoded ahead of their use: those who take some at once do not have to wait for the first of the next."""
 _LUMA_FIRST = re.compile(r"yuvj?4\d\dp|nv\d\d|gray")
 """Pixel formats whose first plane is the luma, 8 bits a pixel."""
 
@@ -90,13 +92,14 @@ class VideoImages:
 
     Parameters
     ----------
-    gray : colour images as their luma. wide : images of 16 bits. threads : of the decoder; with more than one, many
-        images are decoded ahead of their use.
+    gray : colour images as their luma. wide : images of 16 bits. threads : with more than one, many images are decoded
+        ahead of their use, by all but the one that uses them.
     """
 
     def __init__(self, path: Path, what: str, *, gray: bool, wide: bool, threads: int) -> None:
         self._path, self._what = path, what
-        self._gray, self._wide, self._threads = gray, wide, threads
+        self._gray, self._wide = gray, wide
+        self._most_ahead, self._threads = (_AHEAD, threads - 1) if threads > 1 else (0, 1)
         self._index = first_video(path, what)
         self._idle: _Reader | None = None
         self._lock = Lock()
@@ -109,12 +112,13 @@ class VideoImages:
         """All images, in order."""
         frames = decoded(self._path, self._what, self._index, threads=self._threads)
         images = map(self._array, frames)
-        return images if self._threads == 1 else ahead(images)
+        return ahead(images, self._most_ahead) if self._most_ahead else images
 
     def at(self, indices: Sequence[int], parts: Parts = None) -> Iterator[NDArray[Any]]:
         """Those with these indices, ascending; where only ``parts`` are wanted, the rest may be 0."""
         images = self._at(indices, parts)
-        return images if self._threads == 1 or len(indices) <= AHEAD else ahead(images)
+        # a few are not worth a thread
+        return ahead(images, self._most_ahead) if len(indices) > AHEAD and self._most_ahead else images
 
     def _at(self, indices: Sequence[int], parts: Parts) -> Iterator[NDArray[Any]]:
         # a file may hold less than was recorded; whoever asks is told when it ends
