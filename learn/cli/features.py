@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os.path
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -13,7 +17,7 @@ import click
 from ecat.cli.output import Output
 from ecat.cli.text import columns, count
 from ecat.cli.verb import verb
-from ecat.errors import EcatError, UsageError
+from ecat.errors import EcatError, InputError, UsageError, one_line
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -82,9 +86,11 @@ def features(
     """Compute a set of features of sessions and of learning exports.
 
     The Parquet file has the columns session and frame (of a window, its first), and those of the set; what is not known
-    is null.  Sets that take a transform (planes of most variance, a table) need it fitted to the recordings that models
-    are trained on: --fit writes it, --transform applies it to others.  Features of chapter 5 take a session's own
-    table, and a transform only of exports.
+    is null.  Recordings of one name are called by their paths instead, below the folder that holds them all.
+
+    Sets that take a transform (planes of most variance, a table) need it fitted to the recordings that models are
+    trained on: --fit writes it, --transform applies it to others.  Features of chapter 5 take a session's own table,
+    and a transform only of exports.
 
     Recordings of which a set cannot be made are named at the end, and the others written; the exit code is then 1.
     """
@@ -110,13 +116,14 @@ def features(
             fix="leave it out",
         )
     with out.progress() as progress:
-        recordings, failed = _read(sources, objects or (), progress)
+        read, failed, findings = _read(sources, objects or (), progress)
+        recordings = _told_apart(read)
         if fill:
             recordings = [recording.filled() for recording in recordings]
         fitted = _fitted(wanted, recordings, fit, transform)
-        done, more = _write(dest, wanted, recordings, fitted, every)
+        done, more = _write(dest, wanted, recordings, fitted, every=every, fit=fit)
     failed += more
-    findings = [f"{recording.name}: {said}" for recording in recordings for said in recording.findings]
+    findings += [f"{recording.name}: {said}" for recording in recordings for said in recording.findings]
     rows_done = sum(done.values())
     text = f"wrote {count(rows_done, 'row')} of {count(len(done), 'recording')} to {dest}"
     lines = [text, *(f"  {said}" for said in findings), *(str(error) for error in failed)]
@@ -140,68 +147,119 @@ def _described(one: FeatureSet) -> dict[str, Any]:
 
 def _read(
     sources: Sequence[Path], objects: tuple[str, ...], progress: Progress
-) -> tuple[list[Recording], list[EcatError]]:
-    """The recordings at the sources; what cannot be read is told, unless nothing can."""
+) -> tuple[list[tuple[Path, Recording]], list[EcatError], list[str]]:
+    """The recordings at the sources, each with its place; what cannot be read is told, unless nothing can, and what
+    was left out.
+    """
     from ecat.store import open_session
     from learn.features.recordings import read_export, read_session
 
-    places = [place for source in sources for place in _places(source)]
-    found: list[Recording] = []
+    findings: list[str] = []
+    each = (place for source in sources for place in _places(source, findings))
+    places = list({place.resolve(): place for place in each}.values())
+    found: list[tuple[Path, Recording]] = []
     failed: list[EcatError] = []
     for done, place in enumerate(places):
         progress("reading", done, len(places))
         try:
             if place.is_dir():
-                found.append(read_session(open_session(place), objects))
+                found.append((place, read_session(open_session(place), objects)))
             else:
-                found += read_export(place)
+                found += [(place, recording) for recording in read_export(place)]
         except EcatError as error:
-            failed.append(error)
+            failed.append(_about(str(place), error))
     progress("reading", len(places), len(places))
     if not found and failed:
         raise failed[0]
-    return found, failed
+    return found, failed, list(dict.fromkeys(findings))
 
 
-def _places(source: Path) -> Iterator[Path]:
-    """Folders of sessions, or files of exports."""
+def _told_apart(read: Sequence[tuple[Path, Recording]]) -> list[Recording]:
+    """Recordings, of which those of one name are called by their paths below the folder that holds all of these.
+
+    Raises
+    ------
+    InputError : two of one export have one name.
+    """
+    often = Counter(recording.name for _, recording in read)
+    alike = [place.absolute() for place, recording in read if often[recording.name] > 1]
+    top = os.path.commonpath([place.parent for place in alike]) if alike else ""
+    found: list[Recording] = []
+    for place, recording in read:
+        name = recording.name
+        if often[name] > 1:
+            name = place.absolute().relative_to(top).as_posix()
+            if not place.is_dir():
+                name = f"{name.removesuffix('.txt')}/{recording.name.partition('/')[2]}"
+        found.append(replace(recording, name=name))
+    if twice := [name for name, count in Counter(one.name for one in found).items() if count > 1]:
+        raise InputError(
+            "cannot tell recordings apart",
+            where=f"two are called {twice[0]}",
+            consequence="nothing was computed",
+            fix="rename one of them",
+        )
+    return found
+
+
+def _about(name: str, error: EcatError) -> EcatError:
+    """The error, which says what it is about even if it did not."""
+    if not re.search(rf"(?<!\w){re.escape(one_line(name))}(?!\w)", str(error)):
+        error.where = ": ".join(part for part in (one_line(name), error.where) if part)
+    return error
+
+
+def _places(source: Path, findings: list[str]) -> Iterator[Path]:
+    """Folders of sessions, or files of exports; which others were left out goes to ``findings``."""
     from ecat.cli.describe import sessions_at
     from ecat.errors import NotFoundError
+    from ecat.formats.ecat2018.learning_export import learning_exports_below
 
     if source.is_file():
         yield source
         return
-    exports = sorted(path for path in source.rglob("*.txt") if path.is_file()) if source.is_dir() else []
+    exports, others = learning_exports_below(source) if source.is_dir() else ([], [])
     try:
         sessions = sessions_at(source)
-    except NotFoundError:
+    except NotFoundError as error:
         if not exports:
+            error.where = "\n".join(line for line in (error.where, *others) if line)
             raise
         sessions = []
+    if not sessions:
+        findings += others
     yield from sessions or exports
 
 
 def _fitted(
     wanted: FeatureSet, recordings: Sequence[Recording], fit: Path | None, transform: Path | None
 ) -> Fitted:
-    from learn.features.transforms import KINDS, load_transform, save_transform
+    from learn.features.transforms import KINDS, load_transform
 
     if fit is not None:
-        made = KINDS[wanted.transform].fit(recordings)
-        save_transform(made, fit)
-        return made
+        return KINDS[wanted.transform].fit(recordings)
     return None if transform is None else load_transform(transform, wanted.transform)
 
 
 def _write(
-    dest: Path, wanted: FeatureSet, recordings: Sequence[Recording], fitted: Fitted, every: int
+    dest: Path,
+    wanted: FeatureSet,
+    recordings: Sequence[Recording],
+    fitted: Fitted,
+    *,
+    every: int,
+    fit: Path | None,
 ) -> tuple[dict[str, int], list[EcatError]]:
-    """Write the features of each recording, and tell how many rows each has; nothing if none has any."""
+    """Write the features of each recording, and tell how many rows each has; nothing if none has any.
+
+    What was fitted is written to ``fit`` when they are there.
+    """
     import pyarrow.parquet as pq
 
     from ecat.store import staged_file
     from learn.features.sets import features as features_of
     from learn.features.sets import schema_of
+    from learn.features.transforms import save_transform
 
     done: dict[str, int] = {}
     failed: list[EcatError] = []
@@ -210,11 +268,13 @@ def _write(
     if first is None:
         raise failed[0] if failed else UsageError("cannot compute features", where="there are no recordings")
     schema = first.schema.with_metadata(schema_of(wanted, first))
-    with staged_file(dest) as staging, pq.ParquetWriter(staging, schema, compression="zstd") as writer:
-        for table in chain([first], tables):
-            writer.write_table(table.cast(schema))
-            name = str(table["session"][0])
-            done[name] = done.get(name, 0) + table.num_rows
+    with staged_file(dest) as staging:
+        with pq.ParquetWriter(staging, schema, compression="zstd") as writer:
+            for table in chain([first], tables):
+                writer.write_table(table.cast(schema))
+                done[str(table["session"][0])] = table.num_rows
+        if fit is not None and fitted is not None:
+            save_transform(fitted, fit)
     return done, failed
 
 
@@ -228,7 +288,7 @@ def _tables(
         except UsageError:
             raise
         except EcatError as error:
-            failed.append(error)
+            failed.append(_about(recording.name, error))
         else:
             if table.num_rows:
                 yield table

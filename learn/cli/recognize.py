@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -12,14 +12,11 @@ from ecat.cli.output import Output
 from ecat.cli.text import count
 from ecat.cli.verb import Group, verb
 
-if TYPE_CHECKING:
-    from learn.recognize.evaluation import Predicted
-
 SOURCE = click.argument(
     "source",
-    metavar="DIR",
+    metavar="EXPORTS",
     type=click.Path(path_type=Path),
-    help="A folder with learning exports of ECAT (*.txt), wherever in it they lie.",
+    help="A learning export of ECAT, or a folder with some (*.txt), wherever in it they lie.",
 )
 RUN = click.option(
     "--run",
@@ -56,6 +53,12 @@ HIDDEN = click.option(
     "--hidden", type=click.IntRange(1, 4096), metavar="N", help="Of a network: units of a layer."
 )
 LAYERS = click.option("--layers", type=click.IntRange(1, 8), metavar="N", help="Of an LSTM: layers.")
+RATE = click.option(
+    "--rate",
+    type=click.FloatRange(0, 100, min_open=True),
+    metavar="R",
+    help="Of a network: the rate at which it learns.",
+)
 VALIDATION = click.option(
     "--validation",
     type=click.FloatRange(0, 0.5),
@@ -80,13 +83,14 @@ VALIDATION = click.option(
     default=0,
     show_default=True,
     metavar="N",
-    help="The same seed grows the same trees.",
+    help="The same seed makes the same model.",
 )
 @MODEL
 @TREES
 @EPOCHS
 @HIDDEN
 @LAYERS
+@RATE
 @VALIDATION
 def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> None:
     """Train a recogniser on all sessions of a folder.
@@ -99,17 +103,20 @@ def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> N
     import time
 
     from learn.recognize.dataset import read_exports
-    from learn.recognize.model import refuse_taken
-    from learn.recognize.runs import finish, save
+    from learn.recognize.evaluation import scores
+    from learn.recognize.kept import write_json
+    from learn.recognize.runs import METRICS, draw_training, forget_training, refuse_taken, save, validated
     from learn.recognize.runs import train as trained
 
-    refuse_taken(run)
     options = _options(model, **said)
+    refuse_taken(run, model)
     started = time.monotonic()
+    findings: list[str] = []
     with out.progress() as progress:
-        sessions = read_exports(source, progress)
+        sessions = read_exports(source, progress, findings)
         recognizer, course = trained(model, sessions, options, run=run, progress=progress)
         save(recognizer, run)
+    forget_training(run)
     metrics: dict[str, Any] = {
         "model": model,
         "sessions": len(sessions),
@@ -118,12 +125,14 @@ def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> N
         "training_s": round(time.monotonic() - started, 1),
         **course,
     }
-    metrics |= finish(recognizer, sessions, course, run)
-    _write_json(metrics, run / "metrics.json")
+    if (found := validated(recognizer, sessions, course)) is not None:
+        metrics["validation_scores"] = scores(found)
+    write_json(metrics, run / METRICS)
+    findings += _drawn(lambda: draw_training(course, found, run))
     text = (
         f"trained on {count(metrics['windows'], 'window')} of {count(len(sessions), 'session')}; wrote {run}"
     )
-    out.result({"run": str(run), **metrics}, text)
+    out.result({"run": str(run), **metrics, "findings": findings}, "\n".join([text, *findings]))
 
 
 @verb(
@@ -144,22 +153,34 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
     taken for what.  They say something only about sessions that the recogniser was not trained on.
     """
     from learn.recognize.dataset import read_exports
-    from learn.recognize.evaluation import PREDICTIONS, predicted, scores, trained_on, write_predictions
+    from learn.recognize.evaluation import (
+        CONFUSIONS,
+        PREDICTIONS,
+        draw_all_confusions,
+        predicted,
+        scores,
+        trained_on,
+        write_predictions,
+    )
+    from learn.recognize.kept import require_free, write_json
     from learn.recognize.runs import load
 
     recognizer = load(run)
+    require_free(run, (PREDICTIONS, "evaluation.json", *CONFUSIONS.values()))
+    findings: list[str] = []
     with out.progress() as progress:
-        sessions = read_exports(source, progress)
+        sessions = read_exports(source, progress, findings)
         found = predicted(sessions, recognizer.recognize([session.points for session in sessions]))
-    write_predictions(found, run / PREDICTIONS)
-    _draw(found, run)
     known = len(trained_on(recognizer, sessions))
     result = {**scores(found), "trained_on_count": known}
-    _write_json(result, run / "evaluation.json")
-    note = (
-        f"\n{count(known, 'session')} of these were trained on: figures of them say nothing" if known else ""
+    write_json(result, run / "evaluation.json")
+    write_predictions(found, run / PREDICTIONS)
+    findings += _drawn(lambda: draw_all_confusions(found, run))
+    notes = (
+        [f"{count(known, 'session')} of these were trained on: figures of them say nothing"] if known else []
     )
-    out.result({"run": str(run), **result}, _table(result) + note)
+    lines = [_table(result), *notes, *findings]
+    out.result({"run": str(run), **result, "findings": findings}, "\n".join(lines))
 
 
 @verb(
@@ -200,6 +221,7 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
 @EPOCHS
 @HIDDEN
 @LAYERS
+@RATE
 @VALIDATION
 def crossval(
     out: Output, *, source: Path, run: Path, kind: Any, seeds: int, share: float, model: str, **said: Any
@@ -209,38 +231,32 @@ def crossval(
     Each fifth of the sessions is recognised by what was trained on the other four; nothing is fitted to a session that
     is tested.  RUN gets crossval.json (with baselines for trees; also without the sessions whose labels look inverted),
     predictions.parquet, pictures of the confusions, and limits.json and limits.png: how errors lie about changes of
-    the label, and in which slots.  Folds of all but trees are kept in RUN/folds: the same command goes on where it was
-    interrupted.
+    the label, and in which slots.  Folds are kept in RUN/folds: the same command goes on where it was interrupted.
     """
     from dataclasses import replace
 
     from learn.recognize.crossval import cross_validate_model
     from learn.recognize.dataset import read_exports
-    from learn.recognize.evaluation import PREDICTIONS, cross_validate, write_predictions
+    from learn.recognize.evaluation import CONFUSIONS, PREDICTIONS, draw_all_confusions, write_predictions
+    from learn.recognize.kept import require_free, write_json
     from learn.recognize.limits import draw_limits, limits
 
     options = _options(model, **said)
+    pictures = ("limits.png", *CONFUSIONS.values())
+    require_free(run, (PREDICTIONS, "crossval.json", "limits.json", *pictures))
+    findings: list[str] = []
     with out.progress() as progress:
-        sessions = read_exports(source, progress)
-        if model == "trees":
-            result, found = cross_validate(
-                sessions,
-                kind,
-                seeds=range(seeds),
-                settings=options.of_trees(),
-                share=share,
-                progress=progress,
-            )
-        else:
-            repeated = [replace(options, seed=seed) for seed in range(seeds)]
-            result, found = cross_validate_model(
-                sessions, model, kind, repeated, share=share, keep=run / "folds", progress=progress
-            )
+        sessions = read_exports(source, progress, findings)
+        repeated = [replace(options, seed=seed) for seed in range(seeds)]
+        result, found = cross_validate_model(
+            sessions, model, kind, repeated, share=share, keep=run / "folds", progress=progress
+        )
+    write_json(result, run / "crossval.json")
+    write_json(limits(found), run / "limits.json")
     write_predictions(found, run / PREDICTIONS)
-    _draw(found, run)
-    draw_limits(found, run / "limits.png")
-    _write_json(limits(found), run / "limits.json")
-    _write_json(result, run / "crossval.json")
+    findings += _drawn(
+        lambda: draw_all_confusions(found, run), lambda: draw_limits(found, run / "limits.png")
+    )
     lines = [_table(result["runs"]["0"])]
     lines += [
         f"{name:<24}{100 * one['tuple']:6.1f}  (baseline)"
@@ -248,9 +264,9 @@ def crossval(
     ]
     lines += [
         f"{way}: {100 * result['mean'][way]:.1f} +- {100 * result['spread'][way]:.1f} over {count(seeds, 'seed')}"
-        for way in result["mean"]
+        for way in (result["mean"] if seeds > 1 else ())
     ]
-    out.result({"run": str(run), **result}, "\n".join(lines))
+    out.result({"run": str(run), **result, "findings": findings}, "\n".join([*lines, *findings]))
 
 
 @verb("folds", examples=("ecat learn recognize folds exports -o folds.csv",))
@@ -273,11 +289,13 @@ def folds(out: Output, *, source: Path, dest: Path) -> None:
     from learn.recognize.dataset import read_exports
     from learn.recognize.folds import make_folds, write_folds
 
+    findings: list[str] = []
     with out.progress() as progress:
-        sessions = read_exports(source, progress)
+        sessions = read_exports(source, progress, findings)
     write_folds(make_folds([session.key for session in sessions]), dest)
     text = f"wrote the folds of {count(len(sessions), 'session')} to {dest}"
-    out.result({"path": str(dest), "sessions": len(sessions)}, text)
+    result = {"path": str(dest), "sessions": len(sessions), "findings": findings}
+    out.result(result, "\n".join([text, *findings]))
 
 
 recognize = Group(
@@ -298,23 +316,21 @@ def _options(model: str, **said: Any) -> Any:
     for name, value in said.items():
         if value is not None and not known.get(name, network):
             raise UsageError(
-                f"cannot train a {model}", where=f"it has no --{name}", fix="leave the option out"
+                f"cannot train with --{name}", where=f"the model {model} has none", fix="leave the option out"
             )
     return Options(**{name: value for name, value in said.items() if value is not None})
 
 
-def _draw(found: Predicted, run: Path) -> None:
-    from learn.recognize.evaluation import WAYS, draw_confusions
+def _drawn(*pictures: Callable[[], None]) -> list[str]:
+    """Draw, after all else has been written; that a library for it is missing is told, and nothing fails for it."""
+    from ecat.errors import MissingExtraError
 
-    for way in WAYS:
-        draw_confusions(found, way, run / f"confusion_{way}.png")
-
-
-def _write_json(data: dict[str, Any], dest: Path) -> None:
-    from ecat.store import staged_file
-
-    with staged_file(dest, replaces=b"{") as staging:
-        staging.write_text(json.dumps(data, indent=1) + "\n", "utf-8")
+    try:
+        for picture in pictures:
+            picture()
+    except MissingExtraError as error:
+        return [f"{error.what}: {error.where}; {error.fix}"]
+    return []
 
 
 def _table(result: dict[str, Any]) -> str:

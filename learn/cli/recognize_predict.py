@@ -64,7 +64,7 @@ def predict(
     layer: str,
     remove: bool,
 ) -> int:
-    """Propose who does what to which box in sessions.
+    """Propose who does what to which box in sessions: frames, confidence, text.
 
     What is recognised becomes events in the layer `machine`, to be accepted or rejected like those of `ecat process`:
     in `ecat annotate`, or by `ecat proposal`; `ecat view` shows them.  Each has its span, a text, the roles Subject,
@@ -81,14 +81,14 @@ def predict(
     if (run is None) != remove:
         where = "--remove needs no run" if remove else "no run is given"
         raise UsageError("cannot recognise actions", where=where, fix="give either --run RUN or --remove")
-    recognizer = None if run is None else load(run)
+    trained = None if run is None else (load(run), run)
     sessions = list(dict.fromkeys(session for path in paths for session in sessions_at(path)))
     done: list[dict[str, Any]] = []
     failed: list[tuple[Path, EcatError]] = []
     with out.progress() as progress:
         for session in sessions:
             try:
-                done.append(_predicted(session, recognizer, objects or (), layer, progress))
+                done.append(_predicted(session, trained, objects or (), layer, progress))
             except EcatError as error:
                 if len(sessions) == 1:
                     raise
@@ -100,7 +100,11 @@ def predict(
 
 
 def _predicted(
-    path: Path, recognizer: Recognizer | None, objects: tuple[str, ...], layer: str, progress: Progress
+    path: Path,
+    trained: tuple[Recognizer, Path] | None,
+    objects: tuple[str, ...],
+    layer: str,
+    progress: Progress,
 ) -> dict[str, Any]:
     from ecat.store import open_session
     from learn.features.recordings import read_session
@@ -109,9 +113,10 @@ def _predicted(
 
     session = open_session(path)
     events, findings = (), ()
-    if recognizer is not None:
+    if trained is not None:
+        recognizer, run = trained
         recording = read_session(session, objects)
-        events = events_of(session, recording, recognize(recording, recognizer, progress))
+        events = events_of(session, recording, recognize(recording, recognizer, progress, run=run))
         findings = recording.findings
     replaced = replace_proposals(session, AUTHOR, events, layer=layer)
     return {
@@ -126,9 +131,9 @@ def _predicted(
                 **{one.name: one.value for one in event.properties},
                 "confidence": _confidence(event),
             }
-            for event in events
+            for event in replaced.events
         ],
-        "added": replaced.added,
+        "added": len(replaced.events),
         "removed": replaced.removed,
         "kept": replaced.kept,
         "findings": list(findings),

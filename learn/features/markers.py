@@ -16,7 +16,7 @@ from ecat.geometry.boxes import box_corners
 from ecat.geometry.transforms import Rigid, matrix_from_quaternion
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.process import kept_prototypes
-from ecat.process.inputs import annotated_objects, box_objects
+from ecat.process.inputs import annotated_objects, box_objects, sane
 from ecat.store import Session
 from learn.features.points import KINECT_FROM_CAMERA
 
@@ -34,7 +34,7 @@ def marker_corners(
     """
     record = session.manifest.table("markers_3d")
     if record is not None and record.rows:
-        return _recorded(session.table("markers_3d").to_arrow(), n)
+        return _recorded(sane(session.table("markers_3d").to_arrow()), n)
     if not poses or not planes:
         return {}
     boxes = kept_prototypes(session) or NOMINAL_BOXES

@@ -7,15 +7,17 @@ seen does not; so a corner is where its ray meets the table, and its depth is to
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.features.scene import Floats, Table, filled, steady
+from learn.features.scene import FLATTEST, Floats, Table, filled, lost, steady
 
 Channels = NDArray[np.float32]
 
-VERSION = "raw-2"
-"""Changes whenever a channel does: a model knows what it was trained with."""
+VERSION = "raw-3"
+"""Changes whenever a channel does, or what a network makes of them: a model knows what it was trained with."""
 PLANE = slice(0, 42)
 """Of channels, x and y on the table of 13 joints and 8 corners, about the middle of both boxes in the window."""
 SHAPE = slice(42, 58)
@@ -26,14 +28,14 @@ DEPTH = slice(71, 75)
 """Of both markers, by depth: height above the table, and how much farther than the table."""
 N_CHANNELS = 75
 
-_NEVER_SEEN, _NEAREST_M, _FLATTEST, _DEEPEST_M = -1.0, 0.3, -0.15, 0.3
+_DEEPEST_M = 0.3
 
 
 def raw_channels(windows: Floats, table: Table) -> Channels:
     """What a network sees of windows (w, t, 21, 3) in the Kinect's camera space: (w, t, 75) metres.
 
-    Points that are not known (NaN, or the export's -1) take the nearest known of their window, and 0 if there is none;
-    corners are medians of three frames of the window.
+    Points that are not known (NaN, or the export's -1) take the nearest known of their window, and 0 if there is none,
+    as does a marker that was lost; corners are medians of three frames of the window.
     """
     n = windows.shape[:2]
     steep = np.hypot(1.0, table.slope)
@@ -41,10 +43,9 @@ def raw_channels(windows: Floats, table: Table) -> Channels:
     joints = np.stack([x, (table.slope * y + z) / steep], axis=-1)
     heights = (y - table.slope * z - table.height) / steep
     seen = windows[:, :, 13:]
-    lost = (seen == _NEVER_SEEN).all(axis=-1) | ~np.isfinite(seen).all(axis=-1) | (seen[..., 2] < _NEAREST_M)
-    seen = np.where(lost[..., None], np.nan, seen)
+    seen = np.where(lost(seen)[..., None], np.nan, seen)
     rays = steady(filled(seen[..., :2] / seen[..., 2:]))
-    far = table.height / np.minimum(rays[..., 1] - table.slope, _FLATTEST)
+    far = table.height / np.minimum(rays[..., 1] - table.slope, FLATTEST)
     corners = np.stack([rays[..., 0] * far, far * (table.slope * rays[..., 1] + 1) / steep], axis=-1)
     by_box = rays.reshape(*n, 2, 4, 2)
     distance = far.reshape(*n, 2, 4).mean(axis=-1)
@@ -58,7 +59,9 @@ def raw_channels(windows: Floats, table: Table) -> Channels:
         heights,
         np.stack([above, middle[..., 2] - distance], axis=-1).clip(-_DEEPEST_M, _DEEPEST_M),
     ]
-    return np.concatenate([part.reshape(*n, -1) for part in parts], axis=-1).astype(np.float32)
+    # there may be no windows
+    flat = [part.reshape(*n, math.prod(part.shape[2:])) for part in parts]
+    return np.concatenate(flat, axis=-1).astype(np.float32)
 
 
 def _exchanges() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:

@@ -5,6 +5,7 @@ Joints and markers are in the axes of the Kinect's camera space (:mod:`learn.fea
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ecat.errors import InputError, UsageError
 from ecat.formats.ecat2018.learning_export import ExportedSession, read_learning_export
 from ecat.geometry.transforms import Rigid
-from ecat.process.inputs import clock_table
+from ecat.process.inputs import MOST_COORDINATE, clock_table, sane
 from ecat.stages.pose import table_frames
 from ecat.store import Session
 from learn.features.ch5 import interpolated
@@ -46,7 +47,7 @@ class Recording:
         of one marker of each box.
     tracks : (2, n, 3) x, y and rotation, below a quarter turn, of each box on the table, without gaps; None where poses
         are not known.
-    t_s : (n,) seconds; None where there is no clock.
+    t_s : (n,) seconds, ascending; None where there is no clock that can be used.
     objects : the boxes' ids, in the order of points and tracks.
     rig : id of the performer; empty if no object is one.
     planes : camera-from-table, each with the frame from which on it holds; empty where the table is not known.
@@ -113,7 +114,8 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
 
     Boxes are where ``poses_smooth`` or ``poses`` say, and their markers those of ``markers_3d``; without any, those
     that a box in its pose turns to the camera.  Of more than two boxes, the one that moves most and the one that is
-    nearest to it on average are taken, unless ``objects`` names two, by id or by name.
+    nearest to it on average are taken, unless ``objects`` names two, by id or by name.  Coordinates beyond
+    ``MOST_COORDINATE`` are not known, as for stages; nor are times that do not ascend.
 
     Raises
     ------
@@ -127,9 +129,9 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
         tuple(table_frames(session.table("table_plane").to_arrow())) if _has(session, "table_plane") else ()
     )
     corners = marker_corners(session, n, poses, planes)
-    places = {name: pose[:, :3] for name, pose in poses.items()}
-    places = {name: _middle(corner) for name, corner in corners.items()} | places
-    places = {name: place for name, place in places.items() if np.isfinite(place).all(axis=1).any()}
+    seen = [(name, _middle(corner)) for name, corner in corners.items()]
+    seen += [(name, pose[:, :3]) for name, pose in poses.items()]  # a pose says it better, if there is any
+    places = {name: place for name, place in seen if np.isfinite(place).all(axis=1).any()}
     pair, findings = _pair(session, places, objects)
     joints, rig, missing = _joints(session, n)
     points = np.full((n, N_POINTS, 3), np.nan)
@@ -140,20 +142,58 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
             points[:, at : at + 4] = corners[name]
         else:
             missing.append(f"no marker of {name} is known in space")
-    t_s = None
-    if clock["t_ns"].null_count == 0 and n:
-        t_s = clock["t_ns"].to_numpy() / 1e9
+    t_s, told = _times(clock["t_ns"].to_numpy() / 1e9)
     both = all(name in poses and np.isfinite(poses[name]).all(axis=1).any() for name in pair)
     tracks = np.stack([interpolated(track_of(poses[name])) for name in pair]) if both else None
     if tracks is None:
         missing.append("there are no poses of both boxes: ecat process")
     moves = _moves(session, pair)
-    return Recording(session.name, points, tracks, t_s, pair, rig, planes, moves, (*findings, *missing))
+    return Recording(
+        session.name, points, tracks, t_s, pair, rig, planes, moves, (*findings, *missing, *told)
+    )
 
 
 def _has(session: Session, name: str) -> bool:
     record = session.manifest.table(name)
     return record is not None and bool(record.rows)
+
+
+def _times(t_s: Floats) -> tuple[Floats | None, list[str]]:
+    """Seconds (n,) that ascend, and what was wrong with them: frames without a time, or with one out of order, take
+    theirs from the others in straight lines.
+    """
+    n, known = len(t_s), np.flatnonzero(np.isfinite(t_s))
+    good = known[_ascending(t_s[known])]
+    if not len(known):
+        return None, []
+    if len(good) == n:
+        return t_s, []
+    if len(good) < 2 or 2 * len(good) <= len(known):
+        return None, [f"its clock is not used: only {len(good):,} of {n:,} frames have times in order"]
+    frame, (first, last) = np.arange(n), good[[0, -1]]
+    step = float(np.median(np.diff(t_s[good]) / np.diff(good)))
+    beyond = np.minimum(frame - first, 0) + np.maximum(frame - last, 0)
+    lost = f"{n - len(good):,} of {n:,} frames have no time, or one out of order: theirs are those between others"
+    return np.interp(frame, good, t_s[good]) + step * beyond, [lost]
+
+
+def _ascending(times: Floats) -> NDArray[np.int64]:
+    """Places of the longest sequence of times that ascends (Schensted 1961)."""
+    if (np.diff(times) > 0).all():
+        return np.arange(len(times))
+    lowest, ends = (
+        list[float](),
+        list[int](),
+    )  # of the sequences of each length, the lowest last time, and its place
+    before = np.full(len(times), -1)
+    for place, time in enumerate(times.tolist()):
+        length = bisect_left(lowest, time)
+        before[place] = ends[length - 1] if length else -1
+        lowest[length : length + 1], ends[length : length + 1] = [time], [place]
+    found = [ends[-1]]
+    while before[found[-1]] >= 0:
+        found.append(int(before[found[-1]]))
+    return np.array(found[::-1])
 
 
 def _poses(session: Session, n: int) -> dict[str, Floats]:
@@ -162,8 +202,11 @@ def _poses(session: Session, n: int) -> dict[str, Floats]:
     if name is None:
         return {}
     columns = ("x", "y", "z", "qx", "qy", "qz", "qw")
-    table = session.table(name, columns=["frame", "object_id", *columns]).to_arrow()
-    return _by_frame(table, texts(table, "object_id"), columns, n)
+    table = sane(session.table(name, columns=["frame", "object_id", *columns]).to_arrow())
+    found = _by_frame(table, texts(table, "object_id"), columns, n)
+    for pose in found.values():
+        pose[(pose[:, 3:] == 0).all(axis=1)] = np.nan  # turned in no way
+    return found
 
 
 def _moves(session: Session, pair: Sequence[str]) -> tuple[tuple[int, int], ...] | None:
@@ -249,7 +292,7 @@ def _joints(session: Session, n: int) -> tuple[Floats, str, list[str]]:
             rig,
             ["there are no joints: of the performer nothing is known (ecat file add, for a rig file)"],
         )
-    table = session.table("joints").to_arrow()
+    table = sane(session.table("joints").to_arrow())
     bodies, counts = np.unique(table["body"].to_numpy(), return_counts=True)
     body = bodies[counts.argmax()]
     mine = table.filter(pa.array(table["body"].to_numpy() == body))
@@ -298,4 +341,5 @@ def _points(session: ExportedSession) -> Floats:
         )
         for table, count in ((session.joints, len(JOINTS)), (session.boxes, 8))
     ]
-    return np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
+    points = np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
+    return np.where(np.abs(points) <= MOST_COORDINATE, points, np.nan)

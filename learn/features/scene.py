@@ -7,7 +7,9 @@ image.  Within a window, corners are medians of three frames.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ KNOTS = 5
 NEAREST_M = 0.3
 """What is nearer to the camera is no marker, but a point that was not seen."""
 _NEVER_SEEN = -1.0
-_FLATTEST = -0.15
+FLATTEST = -0.15
 """Rays that fall less than this per metre, relative to the table, meet it too far away to say where."""
 _SHOULDERS, _HANDS = [1, 7], ([3, 4, 5], [9, 10, 11])
 
@@ -76,10 +78,9 @@ def scene_of(windows: Floats, table: Table) -> Scene:
         [x, (table.slope * y + z) / steep, (y - table.slope * z - table.height) / steep], axis=-1
     )
     seen = windows[:, :, 13:]
-    lost = (seen == _NEVER_SEEN).all(axis=-1) | ~np.isfinite(seen).all(axis=-1) | (seen[..., 2] < NEAREST_M)
-    seen = np.where(lost[..., None], np.nan, seen)
+    seen = np.where(lost(seen)[..., None], np.nan, seen)
     right, up = seen[..., 0] / seen[..., 2], seen[..., 1] / seen[..., 2]
-    far = table.height / np.minimum(up - table.slope, _FLATTEST)
+    far = table.height / np.minimum(up - table.slope, FLATTEST)
     corners = np.stack([right * far, far * (table.slope * up + 1) / steep], axis=-1)
     rays = steady(filled(np.stack([right, up], axis=-1))).reshape(*n, 2, 4, 2)
     distance = steady(filled(far)).reshape(*n, 2, 4).mean(axis=-1)
@@ -96,10 +97,26 @@ def scene_of(windows: Floats, table: Table) -> Scene:
     )
 
 
+def lost(corners: Floats) -> NDArray[np.bool_]:
+    """Which corners (..., 8, 3) were not seen: those that say so, and all of a marker with three in one place.
+
+    A marker that was lost is written as a corner that is none and three that are the same for as long as it is: in some
+    sessions a quarter of all frames, and as if the box had jumped there.
+    """
+    alone = (corners == _NEVER_SEEN).all(axis=-1) | ~np.isfinite(corners).all(axis=-1)
+    markers = corners.reshape(*corners.shape[:-2], 2, 4, 3)
+    same = [
+        (markers[..., one, :] == markers[..., other, :]).all(axis=-1)
+        for one, other in combinations(range(4), 2)
+    ]
+    flat = np.sum(same, axis=0) >= 3
+    return alone | (corners[..., 2] < NEAREST_M) | np.repeat(flat, 4, axis=-1)
+
+
 def filled(values: Floats) -> Floats:
     """(w, t, ...) with the nearest earlier value, or else the next, where one is NaN; 0 where all are."""
     n, t = values.shape[:2]
-    flat = values.reshape(n, t, -1)
+    flat = values.reshape(n, t, math.prod(values.shape[2:]))  # there may be no windows
     known = np.isfinite(flat)
     if known.all():
         return values

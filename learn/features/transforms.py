@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecat.errors import FormatError, InputError, NotFoundError
+from ecat.process.inputs import MOST_COORDINATE
 from ecat.store import staged_file
 from learn.features import ch4
 from learn.features.ch5 import interpolated
@@ -192,6 +193,6 @@ def load_transform(path: Path, kind: str) -> PcaPlanes | TablePlane:
 
 def _array(values: Any, *shape: int) -> Floats:
     found = np.array(values, np.float64).reshape(shape)
-    if not np.isfinite(found).all():
-        raise ValueError("a number is not finite")
+    if not (np.abs(found) <= MOST_COORDINATE).all():
+        raise ValueError("a number is not finite, or absurdly large")
     return found

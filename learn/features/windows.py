@@ -6,6 +6,8 @@ What is told are means of four frames, five to a window; the first box is told o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +31,7 @@ __all__ = ["HOP", "KNOTS", "LENGTH", "VERSION", "Features", "Floats", "Table"]
 
 Features = NDArray[np.float32]
 
-VERSION = "windows-3"
+VERSION = "windows-4"
 """Changes whenever a feature does: a model knows what it was trained with."""
 LENGTH, HOP = 20, 5
 """Frames of a window, and from one window to the next (thesis chapter 4)."""
@@ -85,6 +87,19 @@ def window_features(windows: Floats, table: Table) -> Features:
     """
     chunks = [windows[start : start + 1024] for start in range(0, len(windows), 1024)] or [windows]
     return np.concatenate([_features(scene_of(chunk, table)) for chunk in chunks])
+
+
+def session_features(features: Features, counts: Sequence[int]) -> Features:
+    """Features (s, 2 n) of whole sessions: means and deviations of those (w, n) of their windows, of which each has
+    ``counts``, one at least.
+    """
+    starts, size = np.cumsum([0, *counts])[:-1], np.array(counts)[:, None]
+    if not len(starts):
+        return np.zeros((0, 2 * features.shape[1]), np.float32)
+    mean = np.add.reduceat(features, starts, axis=0, dtype=np.float64) / size
+    off = features - np.repeat(mean, counts, axis=0)
+    deviation = np.sqrt(np.add.reduceat(off * off, starts, axis=0) / size)
+    return np.concatenate([mean, deviation], axis=1).astype(np.float32)
 
 
 # --- from places to features

@@ -12,6 +12,8 @@ from learn.recognize.dataset import Labels, exchanged
 
 _MANNER, _RELATION = [0, 1, 3], [2, 4]
 _FIRST_BOX = 2
+Told = tuple[Floats, Floats]
+"""Probabilities (w,) that the first box moves, and (w, c) of actions if it does."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,11 @@ class Actions:
         found = manner[:, self.manner] * relation[:, self.relation] + 1e-12
         return found / found.sum(axis=1, keepdims=True)
 
-    def labels(self, first: Floats, second: Floats) -> Floats:
-        """Probabilities (w, k) of labels by those (w, c) of actions and either box moving, which add up to 1."""
-        found = np.where(self.mover != 2, first[:, self.action], 0.0)
-        found += np.where(self.mover != 1, second[:, self.action], 0.0)
+    def labels(self, first: Told, second: Told) -> Floats:
+        """Probabilities (w, k) of labels by what is told with either box as the first."""
+        moves = (first[0] + 1 - second[0]) / 2
+        found = np.where(self.mover != 2, moves[:, None] * first[1][:, self.action], 0.0)
+        found += np.where(self.mover != 1, (1 - moves)[:, None] * second[1][:, self.action], 0.0)
         return found / found.sum(axis=1, keepdims=True)
 
 

@@ -7,8 +7,6 @@ that is so related is said to have arrived.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,41 +17,14 @@ from learn.features.scene import Table
 from learn.features.windows import LENGTH, Features, Floats
 from learn.recognize.actions import movers
 from learn.recognize.dataset import SLOTS, LabelledSession, Labels
-from learn.recognize.trees import Trees, library
+from learn.recognize.forest import Forest, grow
 
 _SUBJECT, _VERB, _PREPOSITION = 0, 3, 4
 _PERFORMER = 1
-_SETTINGS = {"n_estimators": 200, "min_samples_leaf": 3, "max_features": 0.4, "n_jobs": 1}
+_SETTINGS = {"n_estimators": 200, "min_samples_leaf": 3, "max_features": 0.4}
 
 
-@dataclass(frozen=True)
-class Shares(Trees):
-    """Trees whose mean is a probability.
-
-    Attributes
-    ----------
-    value : (n,) of each node what a leaf says.
-    """
-
-    value: NDArray[np.float64]
-
-    def predict(self, features: Features) -> Floats:
-        """Probabilities (n,) of rows (n, features)."""
-        found = np.zeros(len(features))
-        for leaf in self.leaves(features):
-            found += self.value[leaf]
-        return found / (len(self.roots) - 1)
-
-    def is_sound(self) -> bool:
-        """Also that every node says a probability."""
-        return (
-            super().is_sound()
-            and self.value.shape == self.left.shape
-            and bool(((self.value >= 0) & (self.value <= 1)).all())
-        )
-
-
-def arrived(trees: Shares, journeys: Sequence[Sequence[Features]], labels: Sequence[Labels]) -> list[Floats]:
+def arrived(trees: Forest, journeys: Sequence[Sequence[Features]], labels: Sequence[Labels]) -> list[Floats]:
     """Of sessions, probabilities (w, k) that at its windows, if its action is one of its labels (k, 5), it has arrived.
 
     Parameters
@@ -62,13 +33,13 @@ def arrived(trees: Shares, journeys: Sequence[Sequence[Features]], labels: Seque
     """
     shapes = [(len(asked), len(journey[0])) for asked, journey in zip(labels, journeys, strict=True)]
     rows = [_rows(journey, label) for journey, asked in zip(journeys, labels, strict=True) for label in asked]
-    told = trees.predict(np.concatenate(rows)) if rows else np.zeros(0)
+    told = trees.predict(np.concatenate(rows))[:, 0] if rows else np.zeros(0)
     ends = np.cumsum([k * w for k, w in shapes])[:-1]
     return [part.reshape(shape).T for part, shape in zip(np.split(told, ends), shapes, strict=True)]
 
 
-def grow(sessions: Sequence[LabelledSession], table: Table, seed: int) -> Shares | None:
-    """Extremely randomised trees (Geurts et al. 2006) that know when actions of sessions arrive; none never do."""
+def grow_arrival(sessions: Sequence[LabelledSession], table: Table, seed: int) -> Forest | None:
+    """Trees that know when actions of sessions arrive; none if none ever do."""
     rows: list[Features] = []
     said: list[NDArray[np.bool_]] = []
     for session in sessions:
@@ -78,19 +49,8 @@ def grow(sessions: Sequence[LabelledSession], table: Table, seed: int) -> Shares
             said.append(related)
     if not rows:
         return None
-    whole = np.concatenate(rows)
-    forest: Any = library("ensemble").ExtraTreesRegressor(**_SETTINGS, random_state=seed)
-    forest.fit(whole, np.concatenate(said).astype(np.float64))
-    grown = [tree.tree_ for tree in forest.estimators_]
-    return Shares(
-        roots=np.cumsum([0, *(tree.node_count for tree in grown)]),
-        left=np.concatenate([tree.children_left for tree in grown]).astype(np.int64),
-        right=np.concatenate([tree.children_right for tree in grown]).astype(np.int64),
-        feature=np.concatenate([np.maximum(tree.feature, 0) for tree in grown]).astype(np.int64),
-        threshold=np.concatenate([tree.threshold for tree in grown]),
-        value=np.clip(np.concatenate([tree.value[:, 0, 0] for tree in grown]), 0.0, 1.0),
-        shape=np.array([whole.shape[1], 1]),
-    )
+    shares = np.concatenate(said).astype(np.float64)[:, None]
+    return grow(np.concatenate(rows), shares, seed=seed, **_SETTINGS)
 
 
 def arrival_width() -> int:

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecat.errors import CorruptError
 from ecat.progress import Progress, beginning, silent
-from ecat.store import staged_file
 from learn.features import raw, windows
 from learn.recognize.dataset import LabelledSession
 from learn.recognize.evaluation import (
     WAYS,
     Predicted,
     Split,
+    baselines,
     in_order,
     predicted,
     scores,
@@ -26,7 +27,9 @@ from learn.recognize.evaluation import (
     summary,
 )
 from learn.recognize.folds import N_FOLDS, Kind
+from learn.recognize.kept import read_arrays, write_arrays
 from learn.recognize.runs import Options, train
+from learn.recognize.unusable import undamaged
 
 Recognize = Callable[[Split, Progress], Predicted]
 """Learn from the known, and say what the tested show."""
@@ -45,7 +48,8 @@ def recognized_by(name: str, options: Options) -> Recognize:
 def made_of(name: str, options: Options) -> str:
     """What a model's words depend on, besides the sessions: options, and the features if these have versions."""
     versions = {"trees": windows.VERSION, "neural": raw.VERSION, "mixture": windows.VERSION + raw.VERSION}
-    return repr(options) + versions.get(name, "")
+    settings = options.of_trees() if name == "trees" else options
+    return repr(settings) + versions.get(name, "")
 
 
 def kept_or(
@@ -67,8 +71,7 @@ def kept_or(
     if keep is not None:
         arrays: dict[str, Any] = {f"labels.{way}": found.labels[way] for way in WAYS}
         arrays |= {f"probabilities.{way}": found.probabilities[way] for way in WAYS}
-        with staged_file(keep, replaces=b"PK") as staging, staging.open("wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, identity=_bytes(identity), **arrays)
+        write_arrays(keep, {"identity": _bytes(identity), **arrays}, compressed=True)
     return found
 
 
@@ -92,7 +95,7 @@ def cross_validate_model(
 
     Returns
     -------
-    scores : ``mean`` and ``spread`` over the seeds (standard deviation), and ``runs`` of each.
+    scores : ``mean`` and ``spread`` over the seeds (standard deviation), and ``runs`` of each; of trees, ``baselines``.
 
     Raises
     ------
@@ -117,18 +120,20 @@ def cross_validate_model(
         "model": name,
         "folds": kind,
         "share": share,
+        **({"baselines": baselines(splits, progress)} if name == "trees" else {}),
         **summary([one.seed for one in options], scored),
     }, runs[0]
 
 
 def _read(source: Path, split: Split, identity: str) -> Predicted | None:
     try:
-        with source.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
+        with undamaged(f"cannot use {source}"):
+            kept = read_arrays(source)
             if not np.array_equal(kept["identity"], _bytes(identity)):
                 return None
-            labels = {way: np.asarray(kept[f"labels.{way}"], np.int8) for way in WAYS}
-            sure = {way: np.asarray(kept[f"probabilities.{way}"], np.float64) for way in WAYS}
-    except Exception:  # noqa: BLE001  # whatever is wrong with it, it is computed anew
+            labels = {way: kept[f"labels.{way}"].astype(np.int8, casting="safe") for way in WAYS}
+            sure = {way: kept[f"probabilities.{way}"].astype(np.float64, casting="safe") for way in WAYS}
+    except CorruptError:  # it is computed anew
         return None
     return Predicted(split[1], labels, sure)
 

@@ -12,8 +12,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ecat.cli.text import count
 from ecat.errors import FormatError, InputError, NotFoundError
-from ecat.formats.ecat2018.learning_export import ExportedSession, read_learning_export
+from ecat.formats.ecat2018.learning_export import (
+    ExportedSession,
+    learning_exports_below,
+    read_learning_export,
+)
 from ecat.progress import Progress, silent
 from learn.features.points import KINECT_FROM_CAMERA
 from learn.features.windows import HOP, LENGTH, Floats, n_windows
@@ -31,8 +36,12 @@ Labels = NDArray[np.int8]
 _VERBS = {None: 0, "pushes": 1, "pulls": 2, "rolls": 3, "slides": 4}
 _PREPOSITIONS = {None: 0, "Past": 1, "From": 2, "To": 3}
 _ROLES = {"Subject": 0, "Object": 1, "Theme": 2}
+_KNOWN = {"verb": _VERBS, "preposition": _PREPOSITIONS}
 _ACTORS = ("rig_role", "box1_role", "box2_role")
 _EXCHANGED = np.array([0, 1, 3, 2], np.int8)
+_UNUSED = "none of these sessions was used"
+_MOST, _FEW = 20, 3
+"""Labels that an error names, and sessions of each."""
 
 
 @dataclass(frozen=True)
@@ -58,46 +67,41 @@ class LabelledSession:
         return self.file, self.name
 
 
-def read_exports(folder: Path, progress: Progress = silent) -> list[LabelledSession]:
-    """The sessions of all learning exports (``*.txt``) below ``folder``, by path and then in order.
+def read_exports(
+    source: Path, progress: Progress = silent, findings: list[str] | None = None
+) -> list[LabelledSession]:
+    """The sessions of a learning export, or of all those (``*.txt``) below a folder, by path and then in order.
 
-    Sessions that were named but not exported are left out.
+    Sessions that were named but not exported are left out, and so are other files: those that are not XML.
+
+    Parameters
+    ----------
+    findings : gets a line for each file that was left out.
 
     Raises
     ------
-    NotFoundError : no such folder, or no export in it.
+    NotFoundError : nothing is there, or no export in it.
     FormatError : a file is no learning export.
-    InputError : labels that are not known, all of them with their counts; or a session that is too short, in which a
-        box was never seen, whose labels are not one for each window, or that is there twice.
+    InputError : labels that are not known, all of them, with their counts and sessions; or a session that is too short,
+        in which a box was never seen, whose labels are not one for each window, or that is there twice.
     """
-    paths = sorted(path for path in folder.rglob("*.txt") if path.is_file()) if folder.is_dir() else []
-    if not paths:
-        there = "there is no *.txt in it" if folder.is_dir() else "there is no such folder"
-        raise NotFoundError(
-            f"cannot read learning exports of {folder}",
-            where=there,
-            fix="name the folder that holds the exports",
-        )
+    paths = _paths(source, findings if findings is not None else [])
     found: list[LabelledSession] = []
-    unknown: Counter[str] = Counter()
+    files: dict[tuple[str, str], Path] = {}
+    unknown: dict[str, Counter[str]] = {}
     for done, path in enumerate(paths):
         progress("reading exports", done, len(paths))
-        exported = (session for session in read_learning_export(path) if not session.empty)
-        found.extend(_labelled(path, session, unknown) for session in exported)
+        for session in (session for session in read_learning_export(path) if not session.empty):
+            labelled = _labelled(path, session, unknown)
+            if labelled.key in files:
+                raise _twice(path, session.name, files[labelled.key])
+            files[labelled.key] = path
+            found.append(labelled)
     progress("reading exports", len(paths), len(paths))
     if unknown:
-        counted = tuple(f"{label}: {count} times" for label, count in unknown.most_common())
-        raise InputError(
-            f"cannot learn from {folder}: {len(unknown)} labels are not known",
-            where=counted,
-            consequence="nothing was learned",
-            fix=f"use the verbs {_known(_VERBS)}, the prepositions {_known(_PREPOSITIONS)}, the roles {_known(_ROLES)}",
-        )
-    twice = [" ".join(key) for key, count in Counter(session.key for session in found).items() if count > 1]
-    if twice:
-        raise _unfit(f"{folder}", f"two sessions are called {twice[0]}", "rename one of the files")
+        raise _unknown(source, unknown)
     if not found:
-        raise _unfit(f"{folder}", "all sessions of its exports are empty", "give exports with frames")
+        raise _unfit(f"{source}", "all its sessions are empty", "give exports with frames")
     return found
 
 
@@ -125,22 +129,43 @@ def words(label: Sequence[int]) -> list[str | None]:
     return [values[place] for values, place in zip(SLOTS.values(), label, strict=True)]
 
 
-def _labelled(path: Path, session: ExportedSession, unknown: Counter[str]) -> LabelledSession:
+def _paths(source: Path, findings: list[str]) -> list[Path]:
+    if source.is_file():
+        return [source]
+    paths, others = learning_exports_below(source) if source.is_dir() else ([], [])
+    if not paths:
+        there = others or (
+            "there is no *.txt in it" if source.is_dir() else "there is no such file or folder",
+        )
+        raise NotFoundError(
+            f"cannot read learning exports of {source}",
+            where=tuple(there),
+            consequence="nothing was read",
+            fix="name a learning export, or the folder that holds them",
+        )
+    findings += others
+    return paths
+
+
+def _labelled(path: Path, session: ExportedSession, unknown: dict[str, Counter[str]]) -> LabelledSession:
     where = f"session {session.name} of {path}"
     parts = [_axes(session.joints, 13), _axes(session.boxes, 8)]
     points = np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
-    n_frames = len(points)
-    if n_frames < LENGTH:
-        raise _unfit(where, f"it has {n_frames} frames, a window {LENGTH}", "leave the session out")
+    frames = count(len(points), "frame")
+    if len(points) < LENGTH:
+        raise _unfit(where, f"it has {frames}, a window {LENGTH}", "leave the session out")
     for box, corners in ((1, points[:, 13:17]), (2, points[:, 17:21])):
         if not (np.isfinite(corners) & (corners != -1)).any():
             raise _unfit(where, f"box {box} was never seen", "give sessions in which two boxes are handled")
-    if session.events.num_rows != n_windows(n_frames):
-        stated = (
-            f"{session.events.num_rows} labels for the {n_windows(n_frames)} windows of its {n_frames} frames"
-        )
+    if session.events.num_rows != (windows := n_windows(len(points))):
+        stated = f"it has {count(session.events.num_rows, 'label')}, and {count(windows, 'window')} in its {frames}"
         raise _unfit(where, stated, f"label each window of {LENGTH} frames, every {HOP} frames")
-    labels = [_label(row, unknown, where) for row in session.events.to_pylist()]
+    labels: list[list[int]] = []
+    for row in session.events.to_pylist():
+        label, strange = _label(row, where)
+        labels.append(label)
+        for one in strange:
+            unknown.setdefault(one, Counter())[f"session {session.name} of {path.name}"] += 1
     return LabelledSession(path.stem, session.name, points, np.array(labels, np.int8).reshape(-1, 5))
 
 
@@ -148,27 +173,52 @@ def _axes(table: pa.Table, count: int) -> Floats:
     return np.column_stack([table[axis].to_numpy() for axis in "xyz"]).reshape(-1, count, 3)
 
 
-def _label(row: dict[str, Any], unknown: Counter[str], where: str) -> list[int]:
+def _label(row: dict[str, Any], where: str) -> tuple[list[int], list[str]]:
+    """A label as places, and what in it is not known."""
     label = [0, 0, 0, _VERBS.get(row["verb"], 0), _PREPOSITIONS.get(row["preposition"], 0)]
-    unknown.update(f"verb {row['verb']}" for _ in range(row["verb"] not in _VERBS))
-    unknown.update(
-        f"preposition {row['preposition']}" for _ in range(row["preposition"] not in _PREPOSITIONS)
-    )
+    strange = [f"{slot} {row[slot]}" for slot, known in _KNOWN.items() if row[slot] not in known]
     for actor, column in enumerate(_ACTORS, start=1):
         role = row[column]
         if role is not None and role not in _ROLES:
-            unknown[f"role {role}"] += 1
+            strange.append(f"role {role}")
         elif role is not None and label[_ROLES[role]]:
             frame = row["first_frame"]
             raise FormatError(f"cannot read {where}", where=f"two are {role} in the event from frame {frame}")
         elif role is not None:
             label[_ROLES[role]] = actor
-    return label
+    return label, strange
 
 
-def _known(words: dict[Any, int]) -> str:
-    return ", ".join(word for word in words if word)
+def _unknown(source: Path, unknown: dict[str, Counter[str]]) -> InputError:
+    """Labels that are not known, the most frequent first, each with the sessions that have it."""
+    ordered = sorted(unknown.items(), key=lambda item: -item[1].total())
+    lines = [
+        f"{label}: {count(sessions.total(), 'time')}, in {_some(list(sessions))}"
+        for label, sessions in ordered
+    ]
+    known = [
+        f"the {slot}s {', '.join(filter(None, words))}" for slot, words in (*_KNOWN.items(), ("role", _ROLES))
+    ]
+    return InputError(
+        f"cannot use {source}: {count(len(unknown), 'label')} not known",
+        where=(*lines[:_MOST], *[f"and {len(lines) - _MOST:,} more"][: len(lines) > _MOST]),
+        consequence=_UNUSED,
+        fix=f"use {', '.join(known)}",
+    )
+
+
+def _some(sessions: Sequence[str]) -> str:
+    """The first of them, and how many more there are."""
+    rest = len(sessions) - _FEW
+    return ", ".join(sessions[:_FEW]) + (f" and {count(rest, 'session')} more" if rest > 0 else "")
+
+
+def _twice(path: Path, name: str, other: Path) -> InputError:
+    where = "another session of the file is called the same"
+    if path != other:
+        where = f"a session of {other} is called the same, and so are the files"
+    return _unfit(f"session {name} of {path}", where, "rename one of the two")
 
 
 def _unfit(what: str, where: str, fix: str) -> InputError:
-    return InputError(f"cannot learn from {what}", where=where, consequence="nothing was learned", fix=fix)
+    return InputError(f"cannot use {what}", where=where, consequence=_UNUSED, fix=fix)

@@ -9,19 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import InputError
+from ecat.errors import CorruptError, InputError
 from ecat.process.inputs import MAX_FRAMES
 from ecat.progress import Progress, silent
 from learn.features.ch5 import interpolated
 from learn.features.points import JOINTS, N_POINTS
 from learn.features.recordings import Recording
 from learn.features.windows import HOP, LENGTH, Table
+from learn.recognize.actions import movers
 from learn.recognize.dataset import words
 from learn.recognize.grammar import of_one_action
+from learn.recognize.model import Recognized
 from learn.recognize.runs import Recognizer
 
 Floats = NDArray[np.float64]
@@ -38,6 +41,8 @@ MARGIN = LENGTH // 2
 """Frames before and after a movement, so that its first window is about its beginning."""
 _GAP_S = 0.2
 """Points are interpolated over gaps up to this long when a session is resampled."""
+_REST_M, _GONE_M = 0.01, 0.03
+"""By its poses a box rests that goes less far than the one, and moves if it goes farther than the other."""
 _STEP, _MOVED_M, _PAUSE = 10, 0.02, 15
 """A box moves where it gets this far in so many frames about it; shorter pauses do not part movements."""
 
@@ -71,13 +76,12 @@ def episodes(recording: Recording) -> list[Episode]:
     InputError : it is shorter than a window, or has too few frames per second.
     """
     whole = [_at_usual_rate(recording, start, points, table) for start, points, table in recording.leveled()]
-    if max((len(one.points) for one in whole), default=0) < LENGTH:
-        raise InputError(
-            f"cannot recognise actions of session {recording.name}",
-            where=f"it has {len(recording.points)} frames, a window {LENGTH}",
-            consequence="nothing was recognised",
-            fix="give a longer session",
-        )
+    longest = max((len(one.points) for one in whole), default=0)
+    if longest < LENGTH:
+        where = f"it has {len(recording.points)} frames, a window {LENGTH}"
+        if recording.t_s is not None and len(recording.points) >= LENGTH and len(whole) == 1:
+            where += f"; {_span(recording.t_s)}, they are {longest} at {FPS:g} per second"
+        raise _unfit(recording, where, "give a longer session, or correct its times")
     found: list[Episode] = []
     for one in whole:
         n = len(one.points)
@@ -90,12 +94,19 @@ def episodes(recording: Recording) -> list[Episode]:
     return found
 
 
-def recognize(recording: Recording, recognizer: Recognizer, progress: Progress = silent) -> list[Action]:
+def recognize(
+    recording: Recording, recognizer: Recognizer, progress: Progress = silent, *, run: Path | None = None
+) -> list[Action]:
     """The actions in a recording, in their order; windows in which nothing is done are in none.
+
+    Parameters
+    ----------
+    run : the folder that the recogniser was read from, to be named in errors.
 
     Raises
     ------
     InputError : it is shorter than a window.
+    CorruptError : the recogniser says what is no probability.
     """
     found: list[Action] = []
     stretches = episodes(recording)
@@ -103,11 +114,34 @@ def recognize(recording: Recording, recognizer: Recognizer, progress: Progress =
         progress("recognising", done, len(stretches))
         asked = recognizer if episode.table is None else recognizer.on_table(episode.table)
         seen = asked.recognize([episode.points])
-        said = of_one_action(seen.vocabulary, seen.context)
-        sure = np.take_along_axis(seen.context, said[:, None], axis=1)[:, 0]
+        _require_probabilities(recording, run, seen)
+        probable = _agreeing(recording, episode, seen)
+        said = of_one_action(seen.vocabulary, probable)
+        sure = np.take_along_axis(probable, said[:, None], axis=1)[:, 0]
         found += _spans(episode, seen.vocabulary[said].tolist(), sure)
     progress("recognising", len(stretches), len(stretches))
     return found
+
+
+def _agreeing(recording: Recording, episode: Episode, seen: Recognized) -> Floats:
+    """Probabilities (w, k) of labels, without those that move a box which by its poses rests while the other moves."""
+    if recording.tracks is None:
+        return seen.context
+    place = recording.tracks[:, _frames(recording, episode), :2]
+    farthest = np.linalg.norm(place - place[:, :1], axis=-1).max(axis=1)
+    rests = (farthest < _REST_M) & (farthest[::-1] > _GONE_M)
+    mover = movers(seen.vocabulary)
+    impossible = (mover > 0) & rests[np.maximum(mover, 1) - 1]
+    if impossible.all():
+        return seen.context
+    left = np.where(impossible, 0.0, seen.context + np.finfo(float).tiny)
+    return left / left.sum(axis=1, keepdims=True)
+
+
+def _frames(recording: Recording, episode: Episode) -> NDArray[np.int64]:
+    """The frames of the session that those of an episode are nearest to."""
+    assert recording.tracks is not None
+    return episode.frame[:-1].round().astype(np.int64).clip(0, recording.tracks.shape[1] - 1)
 
 
 def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Floats) -> Iterator[Action]:
@@ -131,18 +165,36 @@ def _at_usual_rate(recording: Recording, start: int, points: Floats, table: Tabl
     if t_s is None or len(t_s) < 2:
         return Episode(points, frame, table)
     step = float(np.median(np.diff(t_s)))
-    if step <= 0 or USUAL_FPS[0] <= 1 / step <= USUAL_FPS[1] or (t_s[-1] - t_s[0]) * FPS > MAX_FRAMES:
+    if USUAL_FPS[0] <= 1 / step <= USUAL_FPS[1]:
         return Episode(points, frame, table)
     if 1 / step < SLOWEST_FPS:
-        raise InputError(
-            f"cannot recognise actions of session {recording.name}",
-            where=f"it has {1 / step:.1f} frames per second, at least {SLOWEST_FPS:g} are needed",
-            consequence="nothing was recognised",
-            fix="record more images per second",
-        )
+        where = f"it has {1 / step:.1f} frames per second, at least {SLOWEST_FPS:g} are needed"
+        raise _unfit(recording, where, "record more images per second")
+    if (t_s[-1] - t_s[0]) * FPS > MAX_FRAMES:
+        where = f"it has {1 / step:.1f} frames per second, {_span(t_s)}: at {FPS:g}, more than {MAX_FRAMES:,}"
+        raise _unfit(recording, where, "correct its times, or split a longer recording")
     times = np.arange(t_s[0], t_s[-1] + step / 2, 1 / FPS)
     places = np.append(np.interp(times, t_s, frame[:-1]), frame[-1])
     return Episode(_resampled(points, t_s, times), places, table)
+
+
+def _span(t_s: Floats) -> str:
+    return f"from {t_s[0]:.6g} to {t_s[-1]:.6g} s"
+
+
+def _unfit(recording: Recording, where: str, fix: str) -> InputError:
+    what = f"cannot recognise actions of session {recording.name}"
+    return InputError(what, where=where, consequence="nothing was recognised", fix=fix)
+
+
+def _require_probabilities(recording: Recording, run: Path | None, seen: Recognized) -> None:
+    if not np.isfinite(seen.context).all():
+        raise CorruptError(
+            f"cannot use the model {run}" if run else "cannot use the model",
+            where=f"what it says of session {recording.name} are no probabilities",
+            consequence="nothing was recognised, and no proposals were replaced",
+            fix="train it again",
+        )
 
 
 def _resampled(points: Floats, t_s: Floats, times: Floats) -> Floats:
@@ -170,7 +222,8 @@ def _movements(recording: Recording, one: Episode) -> list[tuple[int, int]]:
         places = np.searchsorted(one.frame, np.array(recording.moves, np.float64).reshape(-1, 2))
         found = [(start, end) for start, end in places.clip(0, n).tolist() if end > start]
         found = _joined(found, lambda a, b: 2 * (a[1] - b[0]) > min(a[1] - a[0], b[1] - b[0]))
-    return [(max(0, start - MARGIN), min(n, end + MARGIN)) for start, end in found]
+    wide = [(max(0, min(start - MARGIN, n - LENGTH)), end + MARGIN) for start, end in found]
+    return [(start, min(n, max(end, start + LENGTH))) for start, end in wide]
 
 
 def _seen_to_move(recording: Recording, one: Episode) -> list[tuple[int, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +12,26 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ecat.cli.text import count
 from ecat.errors import InputError, MissingExtraError
-from ecat.progress import Progress, beginning, silent
+from ecat.progress import Progress, silent
 from ecat.store import staged_file
 from learn.features.windows import Floats
 from learn.recognize.baselines import BASELINES
 from learn.recognize.dataset import SLOTS, LabelledSession, Labels, words
 from learn.recognize.folds import N_FOLDS, Kind, folds_of
-from learn.recognize.model import Recognized, Settings, fingerprint, train
+from learn.recognize.kept import HEADS
+from learn.recognize.model import Recognized, fingerprint
 
 PREDICTIONS = "predictions.parquet"
 WAYS = ("windows", "context")
 """A window alone, and with its session."""
+WAY_NAMES: dict[str, str] = dict(zip(WAYS, ("windows alone", "with the session"), strict=True))
+"""As pictures call them."""
+CONFUSIONS = {way: f"confusion_{way}.png" for way in WAYS}
+"""Pictures of what was taken for what."""
 SUSPICIOUS = frozenset(("pullpast", f"pullpast{number}") for number in range(21, 31))
 """Sessions in which the box that is said to be pulled rests, and the one that it is said to pass moves."""
-_PNG = b"\x89PNG"
 Split = tuple[Sequence[LabelledSession], Sequence[LabelledSession]]
 """Sessions that are known, and sessions that are tested."""
 
@@ -85,7 +90,7 @@ def write_predictions(found: Predicted, dest: Path) -> None:
     columns: dict[str, Any] = {
         "file": np.repeat([session.file for session in found.sessions], counts),
         "session": np.repeat([session.name for session in found.sessions], counts),
-        "window": np.concatenate([np.arange(count, dtype=np.int32) for count in counts]),
+        "window": np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
     }
     for way, labels in (("true", found.true), *found.labels.items()):
         said = [words(label) for label in labels.tolist()]
@@ -94,7 +99,7 @@ def write_predictions(found: Predicted, dest: Path) -> None:
             for place, slot in enumerate(SLOTS)
         }
     columns |= {f"{way}_probability": found.probabilities[way] for way in WAYS}
-    with staged_file(dest, replaces=b"PAR1") as staging:
+    with staged_file(dest, replaces=HEADS[".parquet"]) as staging:
         pq.write_table(pa.table(columns), staging)
 
 
@@ -107,7 +112,7 @@ def splits_of(sessions: Sequence[LabelledSession], kind: Kind) -> list[Split]:
     """
     folds = folds_of([session.key for session in sessions], kind)
     if len(np.unique(folds)) < N_FOLDS:
-        there = f"{len(sessions)} sessions are in {len(np.unique(folds))} of {N_FOLDS} folds"
+        there = f"{count(len(sessions), 'session')} in {len(np.unique(folds))} of {N_FOLDS} folds"
         raise InputError("cannot cross-validate", where=there, fix="give more sessions")
     pairs = list(zip(sessions, folds.tolist(), strict=True))
     return [
@@ -116,44 +121,16 @@ def splits_of(sessions: Sequence[LabelledSession], kind: Kind) -> list[Split]:
     ]
 
 
-def cross_validate(
-    sessions: Sequence[LabelledSession],
-    kind: Kind,
-    *,
-    seeds: Sequence[int] = (0,),
-    settings: Settings | None = None,
-    share: float = 1.0,
-    progress: Progress = silent,
-) -> tuple[dict[str, Any], Predicted]:
-    """Scores of every fifth of the sessions by recognisers that saw the other four, and what the first seed said.
-
-    Nothing is fitted to a session that is tested: neither the table, nor trees, nor what labels there are.
-
-    Parameters
-    ----------
-    share : of all sessions, how many are learned from, four fifths at most; they are drawn anew by each seed, as
-        many of each file.
-
-    Returns
-    -------
-    scores : ``mean`` and ``spread`` over the seeds (standard deviation), ``runs`` of each, and of the baselines.
-
-    Raises
-    ------
-    InputError : a fold has no sessions.
-    """
-    splits = splits_of(sessions, kind)
-    settings = settings or Settings()
-    runs = [
-        in_order(_folded(splits, replace(settings, seed=seed), share, progress), sessions) for seed in seeds
-    ]
-    result = {
-        "folds": kind,
-        "share": share,
-        "baselines": _baselines(splits, progress),
-        **summary(seeds, [scores(run) for run in runs]),
-    }
-    return result, runs[0]
+def baselines(splits: Sequence[Split], progress: Progress = silent) -> dict[str, Any]:
+    """Scores of what knows less, over all folds."""
+    found: dict[str, Any] = {}
+    true = np.concatenate([session.labels for _, tested in splits for session in tested])
+    for done, (name, baseline) in enumerate(BASELINES.items()):
+        progress("baselines", done, len(BASELINES))
+        said = np.concatenate([baseline(known, tested) for known, tested in splits])
+        found[name] = score(true, said)
+    progress("baselines", len(BASELINES), len(BASELINES))
+    return found
 
 
 def summary(seeds: Sequence[int], scored: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -202,8 +179,21 @@ def trained_on(recognizer: Any, sessions: Sequence[LabelledSession]) -> list[Lab
     return [session for session in sessions if fingerprint(session.points) in known]
 
 
+def draw_all_confusions(found: Predicted, run: Path) -> None:
+    """Both pictures of what was taken for what, into the folder ``run``.
+
+    Raises
+    ------
+    MissingExtraError : Matplotlib is not installed.
+    """
+    for way, name in CONFUSIONS.items():
+        draw_confusions(found, way, run / name)
+
+
 def draw_confusions(found: Predicted, way: str, dest: Path) -> None:
-    """A picture of what was said for what, a matrix for each slot; rows are true and add up to 1.
+    """A picture of what was said for what, a matrix for each slot; rows are true and add up to 100 %.
+
+    What never occurs in a slot, neither true nor said, is left out.
 
     Raises
     ------
@@ -215,42 +205,37 @@ def draw_confusions(found: Predicted, way: str, dest: Path) -> None:
         raise MissingExtraError(
             "cannot draw confusions", where="Matplotlib is not installed", fix="pip install 'ecat[plots]'"
         ) from None
-    figure = Figure(figsize=(17, 4), layout="constrained")
-    figure.suptitle(f"{way}: rows are true, columns were said")
-    for place, (axes, (slot, names)) in enumerate(zip(figure.subplots(1, 5), SLOTS.items(), strict=True)):
-        counts = confusion(found.true[:, place], found.labels[way][:, place], len(names))
-        shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
-        axes.set_title(slot)
-        axes.set_xticks(range(len(names)), [name or "none" for name in names], rotation=45)
-        axes.set_yticks(range(len(names)), [name or "none" for name in names])
-        for (row, column), count in np.ndenumerate(counts):
-            shade = "white" if shares[row, column] > 0.5 else "black"
-            axes.text(column, row, str(count), ha="center", va="center", color=shade, fontsize=8)
-    with staged_file(dest, replaces=_PNG) as staging:
+    figure = Figure(figsize=(17, 4.2), layout="constrained")
+    result = score(found.true, found.labels[way])
+    figure.suptitle(f"{WAY_NAMES[way]}: {extent(found)}, {100 * result['tuple']:.1f} % right")
+    panels = figure.subplots(1, len(SLOTS))
+    for place, (axes, slot) in enumerate(zip(panels, SLOTS, strict=True)):
+        _draw_confusion(axes, slot, found.true[:, place], found.labels[way][:, place])
+        axes.set_title(f"{slot}: {100 * result['slots'][slot]:.1f} %")
+    figure.colorbar(panels[-1].images[0], ax=panels, label="of those that are true, %", pad=0.01)
+    with staged_file(dest, replaces=HEADS[".png"]) as staging:
         figure.savefig(staging, format="png", dpi=110)
+
+
+def _draw_confusion(axes: Any, slot: str, true: NDArray[np.int8], said: NDArray[np.int8]) -> None:
+    occurring = np.union1d(true, said)
+    counts = confusion(true, said, len(SLOTS[slot]))[np.ix_(occurring, occurring)]
+    shares = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=100, aspect="auto")
+    names = [SLOTS[slot][place] or "none" for place in occurring.tolist()]
+    axes.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(names)), names)
+    axes.set(xlabel="said", ylabel="true")
+    for (row, column), number in np.ndenumerate(counts):
+        shade = "white" if shares[row, column] > 50 else "black"
+        axes.text(column, row, str(number), ha="center", va="center", color=shade, fontsize=8)
+
+
+def extent(found: Predicted) -> str:
+    """How many windows there are, and of how many sessions."""
+    return f"{count(len(found.true), 'window')} of {count(len(found.sessions), 'session')}"
 
 
 def confusion(true: NDArray[np.int8], said: NDArray[np.int8], n: int) -> NDArray[np.int64]:
     """Counts (n, n) of what was said (columns) for what is true (rows)."""
     return np.bincount(true.astype(np.int64) * n + said, minlength=n * n).reshape(n, n)
-
-
-def _folded(splits: Sequence[Split], settings: Settings, share: float, progress: Progress) -> list[Predicted]:
-    found: list[Predicted] = []
-    for fold, (known, tested) in enumerate(splits):
-        some = some_of(known, share * N_FOLDS / (N_FOLDS - 1), seed=settings.seed)
-        recognizer = train(some, settings, beginning(f"seed {settings.seed}, fold {fold + 1}", progress))
-        found.append(predicted(tested, recognizer.recognize([session.points for session in tested])))
-    return found
-
-
-def _baselines(splits: Sequence[Split], progress: Progress) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    true = np.concatenate([session.labels for _, tested in splits for session in tested])
-    for done, (name, baseline) in enumerate(BASELINES.items()):
-        progress("baselines", done, len(BASELINES))
-        said = np.concatenate([baseline(known, tested) for known, tested in splits])
-        found[name] = score(true, said)
-    progress("baselines", len(BASELINES), len(BASELINES))
-    return found

@@ -22,6 +22,8 @@ WEIGHT = 0.35
 """Of a window's evidence: windows overlap by three quarters, and their errors go together."""
 ARRIVAL_WEIGHT = 0.8
 """Of what is said about the arrival at a window."""
+WHOLE_WEIGHT, WHOLE_DOUBT = 4.0, 0.003
+"""Of what is said about a session as a whole, and the share that is added to every label that it may end with."""
 DOUBT = 0.02
 """Probability that an arrival always has, and that it never exceeds but by this."""
 LIKELY = 3
@@ -80,15 +82,26 @@ class Grammar:
         rows = rows or [(nothing, -1, -1)]
         return cls(np.array(rows, np.int64), habits)
 
-    def smooth(self, sessions: Sequence[Floats], arrived: Arrived | None = None) -> list[Floats]:
+    def smooth(
+        self,
+        sessions: Sequence[Floats],
+        arrived: Arrived | None = None,
+        whole: Floats | None = None,
+    ) -> list[Floats]:
         """Of the windows (n, k) of each session, probabilities of labels (n, k) given all of them.
 
         Parameters
         ----------
         arrived : also says how probable it is that an action has got its locative by a window, whatever that shows; it
             is asked once, about all sessions.
+        whole : (s, k) also says of each session, seen as a whole, how probable it is that it ends with a label.
         """
         emitted = [self._emitted(probabilities) for probabilities in sessions]
+        if whole is not None:
+            last = np.where(self.parts[:, 2] >= 0, self.parts[:, 2], self.parts[:, 1])
+            last = np.where(last >= 0, last, self.parts[:, 0])
+            for windows, ends in zip(emitted, whole, strict=True):
+                windows[:1] += WHOLE_WEIGHT * np.log(ends[last] + WHOLE_DOUBT)
         joint = [self._joint(one) if len(one) else one for one in emitted]
         if arrived is not None:
             likely = [_likely(one) if len(one) else np.zeros(0, np.int64) for one in joint]

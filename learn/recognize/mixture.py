@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ecat.errors import CorruptError
 from ecat.progress import Progress, beginning, silent
 from learn.features.windows import Floats, Table
 from learn.recognize import model as trees
 from learn.recognize.dataset import LabelledSession
 from learn.recognize.model import Recognized
+from learn.recognize.trees import library
+from learn.recognize.unusable import undamaged
 
 PARTS = ("trees", "neural")
 """Folders in that of the run."""
@@ -34,8 +35,8 @@ class Mixture:
 
     def recognize(self, sessions: Sequence[Floats]) -> Recognized:
         """What the windows of sessions, each of points (n, 21, 3), show: the mean of both probabilities."""
-        seen = self.trees.alone(sessions), self.neural.alone(sessions, thorough=False)
-        return self.trees.in_context(np.mean(seen, axis=0), sessions)
+        seen, neural = self.trees.seen(sessions), self.neural.alone(sessions, thorough=False)
+        return self.trees.in_context(replace(seen, windows=(seen.windows + neural) / 2), sessions)
 
     def on_table(self, table: Table) -> Mixture:
         """The same for sessions whose table is known."""
@@ -59,10 +60,13 @@ def train(
 
     Raises
     ------
-    InputError : there are no windows; or the checkpoint is of other settings or sessions.
+    MissingExtraError : LightGBM is not installed.
+    InputError : there are no windows, or nothing happens in them; or the checkpoint is of other settings or sessions.
     """
     from learn.recognize.neural import recognizer as neural
 
+    trees.require_actions(sessions)
+    library("lightgbm")  # before minutes of training the network
     course = neural.train(
         sessions, replace(network, model="neural"), checkpoint=checkpoint, progress=progress
     )
@@ -74,14 +78,14 @@ def joined(parts: Sequence[Any], run: Path) -> Mixture:
 
     Raises
     ------
-    CorruptError : they do not know the same labels.
+    CorruptError : they are others, or do not know the same labels.
     """
+    from learn.recognize.neural.recognizer import NeuralRecognizer
+
     first, second = parts
-    if not np.array_equal(first.vocabulary, second.vocabulary):
-        raise CorruptError(
-            f"cannot use the model {run}",
-            where="its trees and its network know different labels",
-            consequence="nothing was recognised",
-            fix="train it again",
-        )
-    return Mixture(first, second)
+    with undamaged(f"cannot use the model {run}"):
+        if not isinstance(first, trees.Recognizer) or not isinstance(second, NeuralRecognizer):
+            raise TypeError("its parts are no trees and a network")
+        if second.settings.model != "neural" or not np.array_equal(first.vocabulary, second.vocabulary):
+            raise ValueError("its trees and its network know different labels")
+        return Mixture(first, second)

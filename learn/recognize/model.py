@@ -3,28 +3,26 @@
 Windows are seen twice, with either box as the one that moves.  Seen from the box that does, the two names of a label
 become one, an action, so that every session teaches both; in training each is also seen in a mirror.  Boosted trees
 tell the box, the manner (who moves it, and the verb) and the relation (locative and preposition).  Probabilities are
-over whole labels that occur, so that all are valid.  Other trees know when an action gets its locative, by the way of
-the box through the session, which the grammar of sessions asks.
+over whole labels that occur, so that all are valid.  The grammar of sessions asks two kinds of other trees: some are
+asked the same three questions about a session as a whole, and some know when an action gets its locative, by the way
+of the box through the session.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import ExistsError, InputError, NotFoundError
+from ecat.errors import InputError
 from ecat.progress import Progress, beginning, silent
-from ecat.store import staged_file
 from learn.features.journey import journey_features
 from learn.features.points import N_POINTS, SWAP_POINTS
 from learn.features.windows import (
@@ -36,19 +34,24 @@ from learn.features.windows import (
     fit_table,
     mirror,
     n_windows,
+    session_features,
     window_features,
     windows_of,
 )
-from learn.recognize.actions import Actions
-from learn.recognize.arrival import Shares, arrival_width, arrived, grow
+from learn.recognize.actions import Actions, Told, movers
+from learn.recognize.arrival import arrival_width, arrived, grow_arrival
 from learn.recognize.boosting import Boosted, boost
 from learn.recognize.dataset import LabelledSession, Labels, places_of, vocabulary_of
+from learn.recognize.forest import Forest, grow
 from learn.recognize.grammar import Arrived, Grammar, Habits
-from learn.recognize.unusable import check_name, damaged
+from learn.recognize.kept import CONFIG, read_arrays, read_config, write_arrays, write_json
+from learn.recognize.tellers import QUESTIONS, Lesson, Tellers, Views, lessons
+from learn.recognize.unusable import check_name, habits_of, labels_of, prints_of, undamaged
 
-CONFIG, MODEL = "config.json", "model.npz"
+MODEL = "model.npz"
 N_JOBS = 2
-_TREES, _ARRIVAL = ("mover", "manner", "relation"), "arrival"
+_WHOLE, _ARRIVAL = "whole.", "arrival"
+_OF_SESSIONS = {"n_estimators": 200, "min_samples_leaf": 1, "max_features": 0.1}
 
 
 @dataclass(frozen=True)
@@ -80,14 +83,23 @@ class Recognized:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """Probabilities of labels: ``windows`` (w, k) by themselves, and (s, k) of what ``sessions`` end with; of those
+    that have a window.
+    """
+
+    windows: Floats
+    sessions: Floats
+
+
+@dataclass(frozen=True)
 class Recognizer:
     """A trained recogniser.
 
     Attributes
     ----------
     vocabulary : (k, 5) the labels that it knows, in order, with both names of the boxes.
-    mover : tells whether the first box moves.
-    manner, relation : tell what is done by the first box, if it is the one that moves.
+    windows, whole : tell what a window shows, and what a session ends with.
     arrival : tell when an action gets its locative; none if none ever did.
     trained_on : fingerprints of the sessions.
     """
@@ -96,36 +108,40 @@ class Recognizer:
     table: Table
     vocabulary: Labels
     habits: Habits
-    mover: Boosted
-    manner: Boosted
-    relation: Boosted
-    arrival: Shares | None = None
+    windows: Tellers
+    whole: Tellers
+    arrival: Forest | None = None
     trained_on: frozenset[str] = frozenset()
 
     def recognize(self, sessions: Sequence[Floats]) -> Recognized:
         """What the windows of sessions, each of points (n, 21, 3), show."""
-        return self.in_context(self.alone(sessions), sessions)
+        return self.in_context(self.seen(sessions), sessions)
 
-    def alone(self, sessions: Sequence[Floats]) -> Floats:
-        """Probabilities (w, k) of windows without their session."""
+    def seen(self, sessions: Sequence[Floats]) -> Seen:
+        """What windows show without their session, and what sessions show as a whole."""
+        actions = Actions.of(self.vocabulary)
+        counts = [count for points in sessions if (count := n_windows(len(points)))]
+
+        def told(swap: bool) -> tuple[Told, Told]:  # noqa: FBT001
+            features = features_of([_seen(points, swap=swap) for points in sessions], self.table)
+            whole = session_features(features, counts)
+            return self.windows.tell(features, actions), self.whole.tell(whole, actions)
+
         with ThreadPoolExecutor(N_JOBS) as threads:
-            seen = list(threads.map(partial(self._seen_from, sessions), (False, True)))
-        first, second = (mover for mover, _ in seen)
-        moves = (first + 1 - second) / 2
-        parts = [share[:, None] * found for share, (_, found) in zip((moves, 1 - moves), seen, strict=True)]
-        return Actions.of(self.vocabulary).labels(parts[0], parts[1])
+            first, second = threads.map(told, (False, True))
+        return Seen(*(actions.labels(*pair) for pair in zip(first, second, strict=True)))
 
     def on_table(self, table: Table) -> Recognizer:
         """The same for sessions whose table is known."""
         return replace(self, table=table)
 
-    def in_context(self, alone: Floats, sessions: Sequence[Floats]) -> Recognized:
-        """Probabilities (w, k) of the windows of sessions alone, and beside them what the sessions make of these."""
+    def in_context(self, seen: Seen, sessions: Sequence[Floats]) -> Recognized:
+        """Probabilities of windows alone, as they were seen, and beside them what their sessions make of them."""
         grammar = Grammar.of(self.vocabulary, self.habits)
         sessions = [points for points in sessions if n_windows(len(points))]
         ends = np.cumsum([n_windows(len(points)) for points in sessions])
-        parts = grammar.smooth(np.split(alone, ends)[:-1], self._arrived(sessions))
-        return Recognized(self.vocabulary, alone, np.concatenate(parts) if parts else alone)
+        parts = grammar.smooth(np.split(seen.windows, ends)[:-1], self._arrived(sessions), seen.sessions)
+        return Recognized(self.vocabulary, seen.windows, np.concatenate(parts) if parts else seen.windows)
 
     def _arrived(self, sessions: Sequence[Floats]) -> Arrived | None:
         if (trees := self.arrival) is None:
@@ -135,13 +151,6 @@ class Recognizer:
             [journey_features(points, self.table) for points in sessions],
             [self.vocabulary[of_session] for of_session in places],
         )
-
-    def _seen_from(self, sessions: Sequence[Floats], swap: bool) -> tuple[Floats, Floats]:  # noqa: FBT001
-        """Probabilities (w,) that the first box moves, and (w, actions) of what it then does; of exchanged boxes."""
-        features = features_of([_seen(points, swap=swap) for points in sessions], self.table)
-        actions = Actions.of(self.vocabulary)
-        told = actions.joint(self.manner.predict(features), self.relation.predict(features))
-        return self.mover.predict(features)[:, -1], told
 
 
 def features_of(sessions: Sequence[Floats], table: Table) -> Features:
@@ -161,53 +170,44 @@ def train(
 
     Raises
     ------
-    InputError : there are no windows.
+    InputError : there are no windows, or nothing happens in them.
     """
     settings = settings or Settings()
+    require_actions(sessions)
+    sessions = [session for session in sessions if len(session.labels)]
     labels = [session.labels for session in sessions]
-    if not sum(map(len, labels)):
-        raise InputError("cannot train a recogniser", where="there are no windows", fix="give more sessions")
-    table = fit_table(np.concatenate([session.points for session in sessions]))
-    vocabulary = vocabulary_of(sessions)
-    boosted = _boost_all(_tasks(sessions, table, vocabulary, progress), settings, progress)
-    known = frozenset(fingerprint(session.points) for session in sessions)
-    arrival = grow(sessions, table, settings.seed)
+    table, vocabulary = (
+        fit_table(np.concatenate([session.points for session in sessions])),
+        vocabulary_of(sessions),
+    )
+    views, actions = _views(sessions, table, progress), Actions.of(vocabulary)
+    place = np.array(places_of(np.concatenate(labels), vocabulary))
+    windows = _boost_all(lessons(views, place, actions), settings, progress)
+    counts = [len(one) for one in labels]
+    wholes = {key: session_features(view, counts) for key, view in views.items()}
     return Recognizer(
-        settings, table, vocabulary, Habits.of(labels), **boosted, arrival=arrival, trained_on=known
+        settings,
+        table,
+        vocabulary,
+        Habits.of(labels),
+        windows,
+        _grow_all(lessons(wholes, place[np.cumsum(counts) - 1], actions), settings.seed),
+        grow_arrival(sessions, table, settings.seed),
+        frozenset(fingerprint(session.points) for session in sessions),
     )
 
 
-def _tasks(
-    sessions: Sequence[LabelledSession], table: Table, vocabulary: Labels, progress: Progress
-) -> dict[str, tuple[Features, NDArray[np.int64], int]]:
-    """What each of the three has to learn: features, classes, and how many there are."""
-    actions = Actions.of(vocabulary)
-    place = places_of(np.concatenate([session.labels for session in sessions]), vocabulary)
-    mover, action = actions.mover[place], actions.action[place]
-    moved: list[Features] = []
-    moving: list[Features] = []
-    for done, mirrored in enumerate((False, True)):
-        progress("computing features", done, 2)
-        views = [
-            features_of([_seen(one.points, swap=swap, mirrored=mirrored) for one in sessions], table)
-            for swap in (False, True)
-        ]
-        moved += [view[mover > 0] for view in views]
-        moving += [np.where((mover == 2)[:, None], views[1], views[0]), views[1][mover == 0]]
-    progress("computing features", 2, 2)
-    first = np.concatenate([mover[mover > 0] == 1, mover[mover > 0] == 2]).astype(np.int64)
-    what = np.tile(np.concatenate([action, action[mover == 0]]), 2)
-    features = np.concatenate(moving)
-    return {
-        "mover": (np.concatenate(moved), np.tile(first, 2), 2),
-        "manner": (features, actions.manner[what], int(actions.manner.max()) + 1),
-        "relation": (features, actions.relation[what], int(actions.relation.max()) + 1),
-    }
+def _views(sessions: Sequence[LabelledSession], table: Table, progress: Progress) -> Views:
+    found: dict[tuple[bool, bool], Features] = {}
+    for swap, mirrored in product((False, True), repeat=2):
+        progress("computing features", len(found), 4)
+        seen = [_seen(one.points, swap=swap, mirrored=mirrored) for one in sessions]
+        found[swap, mirrored] = features_of(seen, table)
+    progress("computing features", 4, 4)
+    return found
 
 
-def _boost_all(
-    tasks: dict[str, tuple[Features, NDArray[np.int64], int]], settings: Settings, progress: Progress
-) -> dict[str, Boosted]:
+def _boost_all(tasks: dict[str, Lesson], settings: Settings, progress: Progress) -> Tellers:
     def one(name: str) -> Boosted:
         features, classes, n_classes = tasks[name]
         told = beginning(name, progress)
@@ -222,15 +222,41 @@ def _boost_all(
         )
 
     with ThreadPoolExecutor(N_JOBS) as threads:
-        return dict(zip(_TREES, threads.map(one, _TREES), strict=True))
+        return Tellers(*threads.map(one, QUESTIONS))
 
 
-def save(recognizer: Recognizer, run: Path) -> None:
-    """Write the recogniser into the folder ``run``: how it was made as JSON, its trees as arrays.
+def _grow_all(tasks: dict[str, Lesson], seed: int) -> Tellers:
+    def one(name: str) -> Forest:
+        features, classes, n_classes = tasks[name]
+        return grow(features, np.eye(n_classes)[classes], seed=seed, **_OF_SESSIONS)
+
+    with ThreadPoolExecutor(N_JOBS) as threads:
+        return Tellers(*threads.map(one, QUESTIONS))
+
+
+def require_actions(sessions: Sequence[LabelledSession]) -> None:
+    """Refuse to learn where nothing happens.
 
     Raises
     ------
-    ExistsError : there is one already.
+    InputError : there are no windows, or no label says that a box moves.
+    """
+    labels = [session.labels for session in sessions if len(session.labels)]
+    if not labels or not movers(np.concatenate(labels)).any():
+        raise InputError(
+            "cannot train a recogniser",
+            where="no label says that a box moves" if labels else "there are no windows",
+            consequence="nothing was trained",
+            fix="give sessions that are labelled with actions",
+        )
+
+
+def save(recognizer: Recognizer, run: Path) -> None:
+    """Write the recogniser into the folder ``run``: its trees as arrays, and last how it was made, as JSON.
+
+    Raises
+    ------
+    InputError : a number of it is not known (NaN).
     StoreError : it cannot be written.
     """
     config = {
@@ -241,12 +267,11 @@ def save(recognizer: Recognizer, run: Path) -> None:
         "habits": asdict(recognizer.habits),
         "trained_on": sorted(recognizer.trained_on),
     }
-    trees = {name: getattr(recognizer, name) for name in (*_TREES, _ARRIVAL)}
-    arrays = {k: v for name, kept in trees.items() if kept is not None for k, v in kept.arrays(name).items()}
-    with staged_file(run / MODEL) as staging, staging.open("wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **{k: _small(v) for k, v in arrays.items()})
-    with staged_file(run / CONFIG) as staging:
-        staging.write_text(json.dumps(config, indent=1) + "\n", "utf-8")
+    arrays = recognizer.windows.arrays() | recognizer.whole.arrays(_WHOLE)
+    if recognizer.arrival is not None:
+        arrays |= recognizer.arrival.arrays(_ARRIVAL)
+    write_arrays(run / MODEL, {name: _small(values) for name, values in arrays.items()}, compressed=True)
+    write_json(config, run / CONFIG)
 
 
 def load(run: Path) -> Recognizer:
@@ -258,43 +283,23 @@ def load(run: Path) -> Recognizer:
     InputError : it was trained with other features.
     CorruptError : it is damaged.
     """
-    if not (run / CONFIG).is_file() or not (run / MODEL).is_file():
-        fix = f"ecat learn recognize train DIR --run {run}"
-        raise NotFoundError(f"cannot use the model {run}", where=f"there is no {CONFIG} and {MODEL}", fix=fix)
-    try:
-        config: dict[str, Any] = json.loads((run / CONFIG).read_text("utf-8"))
+    config = read_config(run)
+    with undamaged(f"cannot use the model {run}"):
         check_name(config["features"], VERSION, run)
-        settings, table = Settings(**config["settings"]), Table(**config["table"])
-        vocabulary = np.array(config["vocabulary"], np.int8).reshape(-1, 5)
-        habits = Habits(**{name: float(share) for name, share in config["habits"].items()})
-        with (run / MODEL).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            boosted = {name: Boosted.of_arrays(arrays, name) for name in _TREES}
-            arrives = any(name.startswith(f"{_ARRIVAL}.") for name in arrays)
-            arrival = Shares.of_arrays(arrays, _ARRIVAL) if arrives else None
-        known = frozenset(str(one) for one in config["trained_on"])
+        arrays = read_arrays(run / MODEL)
+        arrives = any(name.startswith(f"{_ARRIVAL}.") for name in arrays)
         recognizer = Recognizer(
-            settings, table, vocabulary, habits, **boosted, arrival=arrival, trained_on=known
+            Settings(**config["settings"]),
+            Table(**{name: float(number) for name, number in config["table"].items()}),
+            labels_of(config),
+            habits_of(config),
+            Tellers.of_arrays(Boosted, arrays),
+            Tellers.of_arrays(Forest, arrays, _WHOLE),
+            Forest.of_arrays(arrays, _ARRIVAL) if arrives else None,
+            prints_of(config),
         )
         _require_fit(recognizer)
-    except (ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError, OSError) as error:
-        raise damaged(run, error) from None
     return recognizer
-
-
-def refuse_taken(run: Path) -> None:
-    """Say before the work, and not after it, that there is a model in ``run`` already.
-
-    Raises
-    ------
-    ExistsError : there is.
-    """
-    if (run / MODEL).exists() or (run / CONFIG).exists():
-        raise ExistsError(
-            f"cannot train into {run}",
-            where="there is a model in it",
-            consequence="nothing was trained",
-            fix="name another folder",
-        )
 
 
 def _small(values: NDArray[Any]) -> NDArray[Any]:
@@ -307,14 +312,8 @@ def _require_fit(recognizer: Recognizer) -> None:
     """Its trees tell as many classes as its labels have, from as many features as there are."""
     actions = Actions.of(recognizer.vocabulary)
     n_features = features_of([np.zeros((LENGTH, N_POINTS, 3))], Table(0.0, -1.0)).shape[1]
-    classes = {
-        "mover": 2,
-        "manner": int(actions.manner.max()) + 1,
-        "relation": int(actions.relation.max()) + 1,
-    }
-    for name, count in classes.items():
-        if getattr(recognizer, name).shape.tolist() != [n_features, count]:
-            raise ValueError(f"its {name} does not fit its labels")
+    recognizer.windows.require_fit(actions, n_features)
+    recognizer.whole.require_fit(actions, 2 * n_features)
     if (trees := recognizer.arrival) is not None and trees.shape.tolist() != [arrival_width(), 1]:
         raise ValueError("its arrival does not fit the features")
 

@@ -27,13 +27,19 @@ _PERFORMER = "performer"
 
 @dataclass(frozen=True)
 class Replaced:
-    """Of one author's proposals: how many are new, how many of the old were taken out, and how many of them stay, as
+    """Of one author's proposals: those that are new, how many of the old were taken out, and how many of them stay, as
     people have decided about them.
     """
 
-    added: int
+    events: tuple[Event, ...]
+    relations: tuple[Relation, ...]
     removed: int
     kept: int
+
+    @property
+    def added(self) -> int:
+        """How many are new."""
+        return len(self.events) + len(self.relations)
 
 
 def events_of(session: Session, recording: Recording, actions: Sequence[Action]) -> tuple[Event, ...]:
@@ -56,7 +62,8 @@ def replace_proposals(
     """Make ``events`` and ``relations`` all that ``author`` proposes in a layer, in one commit.
 
     Proposals of other authors stay as they are.  So do the author's own that people have accepted or rejected, which
-    are not proposed a second time.  Events may have parents among those of the same author only.
+    are not proposed a second time, events also not if they have moved by some frames.  Events may have parents among
+    those of the same author only.
 
     Raises
     ------
@@ -81,7 +88,11 @@ def replace_proposals(
     kept_relations = tuple(relation for relation in old.relations if stays(relation))
     number = max(old.event_counter, *_numbers(old.events, "a"), *_numbers_of(decided, "a"))
     there = {_meaning(item) for item in (*kept_events, *kept_relations)}
-    new_events = [event for event in events if _meaning(event) not in there]
+    new_events = [
+        event
+        for event in events
+        if _meaning(event) not in there and not any(_is_the_same(event, mine) for mine in kept_events)
+    ]
     new_events = [replace(event, id=f"a{number + i}") for i, event in enumerate(new_events, start=1)]
     last = max(old.relation_counter, *_numbers(old.relations, "r"), *_numbers_of(decided, "r"))
     new_relations = [relation for relation in relations if _meaning(relation) not in there]
@@ -102,7 +113,7 @@ def replace_proposals(
     if new_events or new_relations or removed:
         with session.write() as commit:
             commit.put_layer(made)
-    return Replaced(len(new_events) + len(new_relations), removed, len(mine))
+    return Replaced(tuple(new_events), tuple(new_relations), removed, len(mine))
 
 
 def _event(
@@ -121,6 +132,9 @@ def _event(
             if target:
                 references.append(TextReference(start=len(text), end=len(text) + len(word), target=target))
             text += word
+    start_ns, end_ns = times(action.start), times(action.end)
+    if start_ns is not None and end_ns is not None and end_ns < start_ns:
+        start_ns = end_ns = None  # the clock goes back
     properties = [Property("confidence", f"{action.confidence:.2f}")]
     if preposition:
         properties.append(Property("preposition", preposition))
@@ -135,8 +149,8 @@ def _event(
             Segment(
                 start_frame=action.start,
                 end_frame=action.end,
-                start_ns=times(action.start),
-                end_ns=times(action.end),
+                start_ns=start_ns,
+                end_ns=end_ns,
             ),
         ),
         roles=tuple(roles),
@@ -176,6 +190,17 @@ def _is_of_a_person(session: Session, layer: Layer) -> bool:
         or any(item.status != "proposed" or not item.author for item in items)
         or any(thing.key_frames or thing.key_frames_3d for thing in layer.objects)
     )
+
+
+def _is_the_same(event: Event, kept: Event) -> bool:
+    """Whether an event is one that stays: it says the same, and they overlap by more than half of what both last."""
+    said = (event.author, event.type, event.roles) == (kept.author, kept.type, kept.roles)
+    if not (said and event.segments and kept.segments):
+        return False
+    spans = [(one.segments[0].start_frame, one.segments[-1].end_frame) for one in (event, kept)]
+    (start, end), (from_frame, to_frame) = spans
+    both = min(end, to_frame) - max(start, from_frame)
+    return 2 * both > max(end, to_frame) - min(start, from_frame)
 
 
 def _meaning(item: Event | Relation) -> Event | Relation:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
 
-from ecat.errors import CorruptError, InputError, NotFoundError
+from ecat.errors import ExistsError, InputError
 from ecat.progress import Progress, silent
-from ecat.store import staged_file
 from learn.features.windows import Floats, Table
 from learn.recognize import model as boosted
 from learn.recognize.dataset import LabelledSession
+from learn.recognize.evaluation import CONFUSIONS, Predicted, draw_all_confusions, predicted
+from learn.recognize.kept import CONFIG, read_config, require_free, write_json
 from learn.recognize.mixture import PARTS, Mixture, joined
-from learn.recognize.model import CONFIG, Recognized
+from learn.recognize.model import Recognized
 
 Model = Literal[
     "trees",
@@ -31,6 +31,9 @@ Model = Literal[
 ]
 MODELS: tuple[str, ...] = get_args(Model)
 BEST: Model = "mixture"
+METRICS, CURVES, CHECKPOINT = "metrics.json", "curves.png", "checkpoint.npz"
+_FILES = {"trees": "model.npz", "hmm": "sequences.npz", "lds": "sequences.npz"}
+"""Of what is no network."""
 
 
 class Recognizer(Protocol):
@@ -83,6 +86,30 @@ class Options:
         return replace(recipe, seed=self.seed, **{k: v for k, v in said.items() if v is not None})
 
 
+def refuse_taken(run: Path, name: str) -> None:
+    """Say before the work, and not after it, that a model of this name cannot be kept in ``run``.
+
+    A model is there as soon as its config.json is, which is written last; what else there is may be what was left when
+    training was interrupted, and is replaced.
+
+    Raises
+    ------
+    ExistsError : there is a model in it already.
+    StoreError : files cannot be written there.
+    """
+    parts = [run / part for part in PARTS] if name == "mixture" else []
+    for taken in (run / CONFIG, *(part / METRICS for part in parts)):
+        if taken.exists():
+            raise ExistsError(
+                f"cannot train into {run}",
+                where=f"there is a model in {taken.parent}",
+                consequence="nothing was trained",
+                fix="name another folder",
+            )
+    files = [f"{part.name}/{file}" for part in parts for file in (CONFIG, _file(part.name))]
+    require_free(run, [CONFIG, METRICS, CURVES, *CONFUSIONS.values(), *(files or [_file(name)])])
+
+
 def train(
     name: str,
     sessions: Sequence[LabelledSession],
@@ -106,7 +133,7 @@ def train(
         return sequence.train(sessions, name, progress), {}
     from learn.recognize.neural import recognizer
 
-    kept = None if run is None else run / recognizer.CHECKPOINT
+    kept = None if run is None else run / CHECKPOINT
     settings = options.of_network(name)
     if name == "mixture":
         from learn.recognize import mixture
@@ -122,10 +149,11 @@ def train(
 
 
 def save(recognizer: Recognizer, run: Path) -> None:
-    """Write a recogniser into the folder ``run``.
+    """Write a recogniser into the folder ``run``, and its config.json last.
 
     Raises
     ------
+    InputError : a number of it is not known (NaN).
     StoreError : it cannot be written.
     """
     if isinstance(recognizer, boosted.Recognizer):
@@ -137,31 +165,39 @@ def save(recognizer: Recognizer, run: Path) -> None:
         config: Any = {"model": "mixture", "parts": list(PARTS)}
     else:
         config = _module_of(recognizer).save(recognizer, run)
-    with staged_file(run / CONFIG, replaces=b"{") as staging:
-        staging.write_text(json.dumps(config, indent=1) + "\n", "utf-8")
+    write_json(config, run / CONFIG)
 
 
-def finish(
-    recognizer: Recognizer, sessions: Sequence[LabelledSession], course: dict[str, Any], run: Path
-) -> dict[str, Any]:
-    """Draw how a training went and what it took for what in validation, and score that; the checkpoint goes."""
-    if "history" not in course:
-        return {}
-    from learn.recognize.evaluation import WAYS, draw_confusions, predicted, scores
-    from learn.recognize.neural.pictures import draw_curves
-    from learn.recognize.neural.recognizer import CHECKPOINT
-    from learn.recognize.neural.training import History
-
-    draw_curves(History(**course["history"]), run / "curves.png")
-    (run / CHECKPOINT).unlink(missing_ok=True)
-    held = {tuple(key) for key in course["validation"]}
+def validated(
+    recognizer: Recognizer, sessions: Sequence[LabelledSession], course: dict[str, Any]
+) -> Predicted | None:
+    """What a recogniser says of the sessions that were set aside for validation; none if there were not any."""
+    held = {tuple(key) for key in course.get("validation", ())}
     tested = [session for session in sessions if session.key in held]
     if not tested:
-        return {}
-    found = predicted(tested, recognizer.recognize([session.points for session in tested]))
-    for way in WAYS:
-        draw_confusions(found, way, run / f"confusion_{way}.png")
-    return {"validation_scores": scores(found)}
+        return None
+    return predicted(tested, recognizer.recognize([session.points for session in tested]))
+
+
+def forget_training(run: Path) -> None:
+    """Remove the checkpoint of a training that has been finished."""
+    (run / CHECKPOINT).unlink(missing_ok=True)
+
+
+def draw_training(course: dict[str, Any], found: Predicted | None, run: Path) -> None:
+    """Pictures of how a training went, and of what was taken for what in validation.
+
+    Raises
+    ------
+    MissingExtraError : Matplotlib is not installed.
+    """
+    if "history" in course:
+        from learn.recognize.neural.pictures import draw_curves
+        from learn.recognize.neural.training import History
+
+        draw_curves(History(**course["history"]), run / CURVES)
+    if found is not None:
+        draw_all_confusions(found, run)
 
 
 def load(run: Path) -> Recognizer:
@@ -173,23 +209,12 @@ def load(run: Path) -> Recognizer:
     InputError : it was trained with other features.
     CorruptError : it is damaged.
     """
-    if not (run / CONFIG).is_file():
-        fix = f"ecat learn recognize train DIR --run {run}"
-        raise NotFoundError(f"cannot use the model {run}", where=f"there is no {CONFIG}", fix=fix)
-    try:
-        config: Any = json.loads((run / CONFIG).read_text("utf-8"))
-        name = config.get("model", "trees")
-    except (ValueError, AttributeError) as error:
-        raise CorruptError(
-            f"cannot use the model {run}",
-            where=f"{CONFIG}: {error}",
-            consequence="nothing was recognised",
-            fix="train it again",
-        ) from None
+    config = read_config(run)
+    name = config.get("model", "trees")
     if name not in MODELS:
         raise InputError(
             f"cannot use the model {run}",
-            where=f"it is a {name}, known are {', '.join(MODELS)}",
+            where=f"it is a {str(name)[:100]}, known are {', '.join(MODELS)}",
             consequence="nothing was recognised",
             fix="train it again",
         )
@@ -214,3 +239,7 @@ def _module_of(recognizer: Recognizer) -> Any:
     from learn.recognize.neural import recognizer as neural
 
     return neural
+
+
+def _file(name: str) -> str:
+    return _FILES.get(name, "network.npz")

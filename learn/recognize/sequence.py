@@ -7,7 +7,6 @@ Both see distances and movements of the nine places of chapter 4 in the plane, f
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ from scipy.special import logsumexp
 
 from ecat.errors import InputError
 from ecat.progress import Progress, silent
-from ecat.store import staged_file
 from learn.features.ch4 import PAIRS
 from learn.features.points import SWAP_POINTS
 from learn.features.windows import LENGTH, Floats, Table
@@ -28,8 +26,9 @@ from learn.recognize.context import in_context
 from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
 from learn.recognize.grammar import Habits
 from learn.recognize.inputs import Fitted
+from learn.recognize.kept import read_arrays, write_arrays
 from learn.recognize.model import Recognized, fingerprint
-from learn.recognize.unusable import check_name, damaged
+from learn.recognize.unusable import check_name, habits_of, labels_of, prints_of, undamaged
 
 FEATURES = "ch4-pcas18"
 SEQUENCES = "sequences.npz"
@@ -175,6 +174,11 @@ class LinearDynamics:
 
 
 KINDS: dict[str, Any] = {"hmm": HiddenMarkov, "lds": LinearDynamics}
+_SHAPES = {
+    "hmm": {"transitions": "kss", "means": "ksd", "variances": "ksd"},
+    "lds": {"dynamics": "kid", "factors": "kdd", "means": "kd", "first": "kdd"},
+}
+"""Of their arrays: k labels, s states, d numbers that are seen of a frame, and i = d + 1."""
 
 
 @dataclass(frozen=True)
@@ -264,11 +268,10 @@ def save(recognizer: SequenceRecognizer, run: Path) -> dict[str, Any]:
 
     Raises
     ------
+    InputError : a number of them is not known (NaN).
     StoreError : they cannot be written.
     """
-    arrays = {field.name: getattr(recognizer.models, field.name) for field in fields(KINDS[recognizer.kind])}
-    with staged_file(run / SEQUENCES, replaces=b"PK") as staging, staging.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, scale=recognizer.scale, **arrays)
+    write_arrays(run / SEQUENCES, {"scale": recognizer.scale, **vars(recognizer.models)})
     return {
         "model": recognizer.kind,
         "features": FEATURES,
@@ -287,33 +290,35 @@ def load(run: Path, config: Mapping[str, Any]) -> SequenceRecognizer:
     InputError : it was trained with other features.
     CorruptError : it is damaged.
     """
-    check_name(config.get("features"), FEATURES, run)
-    try:
-        with (run / SEQUENCES).open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
-            arrays = {name: np.asarray(kept[name], np.float64) for name in kept.files}
+    with undamaged(f"cannot use the model {run}"):
+        check_name(config["features"], FEATURES, run)
+        kind, vocabulary = KINDS[config["model"]], labels_of(config)
+        arrays = read_arrays(run / SEQUENCES, {"scale", *(field.name for field in fields(kind))})
+        arrays = {name: values.astype(np.float64, casting="safe") for name, values in arrays.items()}
         scale = arrays.pop("scale")
-        vocabulary = np.array(config["vocabulary"], np.int8).reshape(-1, 5)
         fitted = Fitted(FEATURES, np.array(config["fit"], np.float64))
+        models, known = kind(**arrays), prints_of(config)
         found = SequenceRecognizer(
-            config["model"],
-            fitted,
-            vocabulary,
-            Habits(**config["habits"]),
-            scale,
-            KINDS[config["model"]](**arrays),
-            frozenset(str(one) for one in config["trained_on"]),
+            config["model"], fitted, vocabulary, habits_of(config), scale, models, known
         )
-        _require_whole(found)
-    except (ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile, EOFError, OSError) as error:
-        raise damaged(run, error) from None
+        _require_fit(found)
     return found
 
 
-def _require_whole(recognizer: SequenceRecognizer) -> None:
-    still = np.zeros((1, LENGTH, recognizer.scale.shape[1]))
-    n_models = recognizer.models.log_likelihood(still).shape[1]
-    if n_models != len(recognizer.vocabulary):
-        raise ValueError(f"{n_models} models for {len(recognizer.vocabulary)} labels")
+def _require_fit(recognizer: SequenceRecognizer) -> None:
+    """There is a model for each label, and each says how likely it is that nothing moves."""
+    scale, models = recognizer.scale, vars(recognizer.models)
+    d = motion(np.zeros((1, LENGTH, 18), np.float32)).shape[2]
+    if scale.shape != (2, d) or not (np.isfinite(scale).all() and (scale[1] > 0).all()):
+        raise ValueError(f"its scale is not that of {d} numbers")
+    sizes = {"k": len(recognizer.vocabulary), "d": d, "i": d + 1, "s": models["means"].shape[1]}
+    for name, letters in _SHAPES[recognizer.kind].items():
+        if models[name].shape != tuple(sizes[letter] for letter in letters):
+            raise ValueError(f"its {name} do not fit its labels and what is seen")
+    with np.errstate(all="ignore"):
+        told = recognizer.models.log_likelihood(np.zeros((1, LENGTH, d)))
+    if not np.isfinite(told).all():
+        raise ValueError("its models cannot tell how likely anything is")
 
 
 def _steps(sequences: Floats) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import CorruptError, MissingExtraError
+from ecat.errors import MissingExtraError
 from learn.features.windows import Features
 
 
@@ -44,13 +44,12 @@ class Trees:
 
         Raises
         ------
-        CorruptError : they are none, or lead outside of themselves.
+        ValueError : they are none, or lead outside of themselves.
         """
         try:
             kept: dict[str, Any] = {
-                field.name: np.asarray(
-                    arrays[f"{prefix}.{field.name}"],
-                    np.float64 if "float" in str(field.type) else np.int64,
+                field.name: arrays[f"{prefix}.{field.name}"].astype(
+                    np.float64 if "float" in str(field.type) else np.int64, casting="safe"
                 )
                 for field in fields(cls)
             }
@@ -59,7 +58,7 @@ class Trees:
         except (KeyError, ValueError, TypeError, IndexError):
             found, sound = None, False
         if found is None or not sound:
-            raise _damaged(prefix)
+            raise ValueError(f"its trees {prefix} are damaged")
         return found
 
     def is_sound(self) -> bool:
@@ -86,11 +85,11 @@ class Trees:
 
         Raises
         ------
-        CorruptError : they are of other features.
+        ValueError : they are of other features.
         """
         rows = np.ascontiguousarray(rows, np.float32)
         if rows.shape[1] != self.shape[0]:
-            raise _damaged(f"of {self.shape[0]} features")
+            raise ValueError(f"{rows.shape[1]} features for trees of {self.shape[0]}")
         return [tree.apply(rows) + start for start, tree in zip(self.roots[:-1], self._walkers, strict=True)]
 
     @cached_property
@@ -109,15 +108,6 @@ class Trees:
             )
             found.append(tree)
         return found
-
-
-def _damaged(which: str) -> CorruptError:
-    return CorruptError(
-        "cannot use the model",
-        where=f"its trees {which} are damaged",
-        consequence="nothing was recognised",
-        fix="train it again",
-    )
 
 
 def library(name: str) -> Any:

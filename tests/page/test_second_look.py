@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ecat.model import AnnotatedObject, Argument, Event, KeyFrame, Layer, Relation, Role, Segment
+from ecat.model import AnnotatedObject, Argument, Event, KeyFrame, Layer, Property, Relation, Role, Segment
 from ecat.store import open_session
 
 
@@ -77,6 +77,80 @@ def test_a_proposal_is_adjusted_before_it_is_accepted(served: Any, proposing: An
     assert [(e.segments[0].start_frame, e.segments[0].end_frame) for e in served.layer().events] == [
         (80, 110)
     ]
+
+
+def _recognised(number: int, start: int, sure: str) -> Event:
+    told = (Property(name="confidence", value=sure),)
+    return _event(
+        f"a{number}", "push", start, start + 1, status="proposed", author="ecat learn recognize",
+        text=f"Ann pushes box {number}", properties=told,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def recognised(served: Any, window: Callable[..., Any]) -> Any:
+    """A session for which two programs propose 103 events, one of them with a part, and a relation."""
+    sure = (_recognised(number, number, f"0.{number}") for number in range(10, 99))
+    unsure = (_recognised(number, number, "0.05") for number in range(99, 112))
+    slide = _event("a1", "slide_next", 20, 60, status="proposed", author="ecat propose 4")
+    part = _event("a2", "move", 30, 50, status="proposed", parent="a1", author="ecat propose 4")
+    near = Relation(
+        id="r1", predicate="NEAR", start_frame=50, end_frame=90, source="computed", status="proposed",
+        arguments=(Argument(target="o2"), Argument(target="o3")),
+    )  # fmt: skip
+    _add(served, Layer(name="machine", events=(*sure, *unsure, slide, part), relations=(near,)))
+    return window(served)
+
+
+def test_a_proposal_says_what_it_is_how_sure_it_is_and_who_made_it(recognised: Any) -> None:
+    recognised.find("tab-machine").click()
+    row = recognised.find("row-a12")
+    what, note, frames = row.inner_text().split("\n")
+    assert (what[:4], what[-17:]) == ("push", "Ann pushes box 12")
+    assert note == "confidence 0.12 · ecat learn recognize"
+    assert (frames[:2], frames[-2:]) == ("12", "13")
+    row.click()
+    recognised.find("tab-selected").click()
+    assert recognised.find("proposal-text").inner_text() == "Ann pushes box 12"
+    assert recognised.find("proposal-origin").inner_text() == "confidence 0.12 · ecat learn recognize"
+
+
+def test_proposals_are_found_by_who_made_them(recognised: Any) -> None:
+    recognised.find("tab-machine").click()
+    recognised.find("find-proposals").fill("ecat propose")
+    assert recognised.page.locator(".list-row").count() == 1
+    recognised.find("row-a1").wait_for()
+
+
+def test_the_surest_proposals_are_gone_through_first_if_somebody_wants_that(
+    served: Any, recognised: Any
+) -> None:
+    recognised.find("tab-machine").click()
+    recognised.find("proposal-order").select_option("surest")
+    recognised.find("row-a98").click()
+    recognised.press("x")
+    assert recognised.says("app.primary.id") == "a97"
+    recognised.press("Enter")
+    assert [e.text for e in served.layer().events] == ["Ann pushes box 97"]
+
+
+def test_no_tab_is_cut_by_the_number_of_proposals_and_all_numbers_are_one(recognised: Any) -> None:
+    for_each = "[...document.querySelectorAll('.tabs, .tab, .tab .name, .tab .count')]"
+    assert recognised.says(f"{for_each}.filter(e => e.scrollWidth > e.clientWidth).length") == 0
+    assert recognised.find("n-proposals").inner_text() == "99+"
+    assert (
+        recognised.find("tab-machine").get_attribute("title") == "103 events and 1 relation to decide about"
+    )
+    assert "103 events and 1 relation," in recognised.find("proposed").inner_text()
+    assert recognised.find("group-machine/events").locator(".tl-count").inner_text() == "103"
+
+
+def test_whoever_proposes_has_lanes_of_their_own_and_none_is_cut(recognised: Any) -> None:
+    names = recognised.page.locator(".tl-gutter .tl-text").all_inner_texts()
+    assert [name for name in names if name.startswith("ecat")] == ["ecat learn recognize", "ecat propose 4"]
+    seen = recognised.says("document.querySelector('.tl-scroll').clientHeight")
+    assert seen > 0
+    assert seen % 22 == 0
 
 
 @pytest.fixture

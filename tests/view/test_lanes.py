@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -165,6 +166,49 @@ def test_what_a_stage_proposes_lies_apart_and_is_paler() -> None:
     assert at(chunks, proposed, "labels")[None] == at(chunks, said, "labels")[None] == ["grasp"]
     assert at(chunks, said, "colors")[None] == [rgba(PALETTE[0])]
     assert at(chunks, proposed, "colors")[None] == [rgba(pale(PALETTE[0]))]
+
+
+def recognised() -> dict[str, pa.Table]:
+    """What two programs propose at once, in sentences that begin alike."""
+    rows = table(
+        "events",
+        layer=["machine"] * 4,
+        event_id=["e1", "e2", "e3", "e4"],
+        type=["push", "push_to", "push", "slide_next"],
+        text=["Ann pushes Shell", "Ann pushes Shell towards o2", "Ann pushes o2", "Slide Shell next to o2"],
+        tier=["event"] * 4,
+        status=["proposed"] * 4,
+        unsure=[False] * 4,
+        author=["ecat learn recognize"] * 3 + ["ecat propose 4"],
+        start_frame=[0, 2, 5, 0],
+        end_frame=[2, 4, 8, 4],
+    )
+    return {"events": rows, "event_segments": table("event_segments"), "event_links": table("event_links")}
+
+
+def test_who_proposes_has_lanes_of_their_own() -> None:
+    chunks = list(events(recognised(), scene()))
+    by_model, by_rules = (
+        f"/proposed/events/{author}/event/0" for author in ("ecat_learn_recognize", "ecat_propose_4")
+    )
+    assert paths(chunks) == {by_model, by_rules}
+    assert at(chunks, by_rules, "state") == {0: ["e4"], 4: [""]}
+
+
+def test_lanes_show_the_type_of_a_proposal_and_the_log_its_sentence() -> None:
+    tables = recognised()
+    lane = "/proposed/events/ecat_learn_recognize/event/0"
+    assert at(list(events(tables, scene())), lane, "labels")[None] == ["push", "push_to", "push"]
+    said = at(list(event_log(tables["events"], scene())), "/log/events", "text")
+    assert said[5] == ["proposed: Ann pushes o2  [5, 8)  ecat learn recognize"]
+
+
+def test_equal_types_have_equal_colours_whatever_the_sentence() -> None:
+    colors = at(
+        list(events(recognised(), scene())), "/proposed/events/ecat_learn_recognize/event/0", "colors"
+    )
+    push, push_to, again = colors[None]
+    assert push == again != push_to
 
 
 def test_the_log_has_a_line_for_each_event_at_its_start() -> None:

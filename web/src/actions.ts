@@ -4,9 +4,10 @@ import { changesOf } from "./describe";
 import { type Document, span } from "./document";
 import type { Wish } from "./edits";
 import { type Context, enclosing, guessRoles, type Labelled, naming, press, pressAll, rolesField } from "./labelling";
-import { goTo, startOf } from "./navigate";
+import { goTo } from "./navigate";
+import { inOrder, type Proposal } from "./proposals";
 import { type App, MACHINE, type Selected } from "./state";
-import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson, Relation } from "./types";
+import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson } from "./types";
 
 /** The id of the first element of a kind that a record added. */
 export function addedId(record: RecordJson, kind: "object" | "event" | "relation"): string | null {
@@ -338,11 +339,10 @@ function openSelected(app: App): Selected[] {
   return chosen;
 }
 
-/** The next open proposal of the same kind after this one, so that going through them takes one key each. */
+/** The next open proposal of the same kind in the order of the list, so that going through them takes one key each. */
 function neighbourProposal(app: App, from: Selected): Selected | null {
   const open = app.openProposals();
-  const list: (EcatEvent | Relation)[] = from.kind === "event" ? open.events.filter((e) => e.parent === null) : open.relations;
-  const ordered = [...list].sort((a, b) => startOf(a) - startOf(b));
+  const ordered = inOrder<Proposal>(from.kind === "event" ? open.events : open.relations, app.settings.order);
   const at = ordered.findIndex((e) => e.id === from.id);
   const next = ordered[at + 1] ?? ordered[at - 1];
   return next === undefined ? null : { kind: from.kind, id: next.id, layer: MACHINE };

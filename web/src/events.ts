@@ -1,6 +1,7 @@
 // What the page tells its widgets: the values of the state, and the events by which they hear of changes.
 
 import type { Document } from "./document";
+import type { Order } from "./proposals";
 import type { Change, Person, Proxy, SessionInfo } from "./types";
 
 export type Tool = "select" | "rectangle" | "polygon" | "point";
@@ -39,6 +40,8 @@ export interface Settings {
   tool: Tool;
   /** Whether proposals of the machine layer are drawn (hollow). */
   proposals: boolean;
+  /** In which order the machine's proposals are listed, and gone through. */
+  order: Order;
   /** The tier and type that a new event takes. */
   /** The name that the server suggested when `author` was chosen. */
   suggested: string;

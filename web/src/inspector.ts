@@ -5,14 +5,17 @@ import { openCopying } from "./copying";
 import { fill, h } from "./dom";
 import { hullsOf } from "./hulls";
 import { eventPanel } from "./inspector/event";
-import { createList, createRelationList, eventRows, objectRows, proposalRows } from "./inspector/lists";
+import { createList, createRelationList, eventRows, NOTED_ROW, objectRows, proposalOrder, proposalRows } from "./inspector/lists";
 import { objectPanel } from "./inspector/object";
 import { proposalPanel } from "./inspector/proposal";
 import { relationPanel } from "./inspector/relation";
+import { tally } from "./proposals";
 import { type App, MACHINE } from "./state";
 
 const TABS = ["Selected", "Objects", "Events", "Relations", "Machine"] as const;
 type Tab = (typeof TABS)[number];
+/** A tab has room for two digits. */
+const MOST_COUNTED = 99;
 
 export function createInspector(host: HTMLElement, app: App): { destroy(): void } {
   const selected = h("div.panel", { "data-testid": "selected-panel" });
@@ -23,12 +26,12 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
     }, "Copy from another session…"))]),
     Events: createList(app, "Events", () => eventRows(app), () => []),
     Relations: relations,
-    Machine: createList(app, "Proposals", () => proposalRows(app), () => []),
+    Machine: createList(app, "Proposals", () => proposalRows(app), () => [proposalOrder(app)], NOTED_ROW),
   };
   let tab: Tab = "Selected";
   const buttons = TABS.map((name) => h("button.tab", {
     type: "button", role: "tab", id: `tab-${name}`, "aria-controls": "inspector-panel", "data-testid": `tab-${name.toLowerCase()}`, onclick: () => show(name),
-  }, name, name === "Machine" ? h("span.count") : null));
+  }, h("span.name", null, name), name === "Machine" ? h("span.count", { "data-testid": "n-proposals" }) : null));
   const bar = h("div.tabs", { role: "tablist", "aria-label": "Inspector" }, buttons);
   const body = h("div.panel-host", { role: "tabpanel", id: "inspector-panel" });
   fill(host, bar, body);
@@ -45,8 +48,10 @@ export function createInspector(host: HTMLElement, app: App): { destroy(): void 
     if (tab === "Selected") fill(selected, selectedPanel(app));
     else lists[tab].refresh();
     const open = app.openProposals();
-    const n = open.events.filter((e) => e.parent === null).length + open.relations.length;
-    (buttons[TABS.indexOf("Machine")]?.lastElementChild as HTMLElement).textContent = n > 0 ? ` ${n}` : "";
+    const n = open.events.length + open.relations.length;
+    const machine = buttons[TABS.indexOf("Machine")] as HTMLElement;
+    machine.title = n > 0 ? `${tally(open)} to decide about` : "";
+    (machine.lastElementChild as HTMLElement).textContent = n > MOST_COUNTED ? `${MOST_COUNTED}+` : n > 0 ? String(n) : "";
   };
   const show = (name: Tab): void => {
     tab = name;
@@ -120,13 +125,13 @@ function selectedPanel(app: App): HTMLElement[] {
 
 function emptyPanel(app: App): HTMLElement[] {
   const line = (keys: string[], text: string): HTMLElement => h("div", null, keys.map((k) => h("kbd", null, k)), ` ${text}`);
-  const open = app.openProposals().events.filter((e) => e.parent === null).length;
+  const open = tally(app.openProposals());
   const typed = app.scheme.event_types.filter((t) => t.key !== "");
   return [
     h("div.hint", null, line(["Space"], "play"), line(["I"], "mark the start"), line(["O"], "mark the end"), line(["E"], "new event"), line(["N"], "new sub-event"),
       line(["R"], "draw a rectangle"), line(["?"], "all shortcuts")),
     typed.length > 0 ? h("div.section", null, h("h3", null, "Labels while playing"), h("div.label-keys", null, typed.map((t) => h("div", null, h("kbd", null, t.key), ` ${t.name}`)))) : null,
-    open > 0 ? h("p.muted", null, `The machine proposes ${open} event${open === 1 ? "" : "s"}, drawn hollow.`) : null,
+    open !== "" ? h("p.muted", { "data-testid": "proposed" }, `The machine proposes ${open}, drawn hollow.`) : null,
     h("div.actions", null, h("button.button", { type: "button", onclick: () => void newEvent(app), "data-testid": "new-event" }, "New event at the cursor")),
   ].filter((e) => e !== null);
 }

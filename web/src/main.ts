@@ -68,7 +68,7 @@ function showSession(createSide: Create): void {
 
 /** A bar between two panes: dragged, or moved with the arrow keys; the size is remembered. */
 function splitter(pane: string, axis: "x" | "y"): HTMLElement {
-  const limits: Record<string, [number, number, number]> = { views: [160, 288, 700], inspector: [240, 328, 560], lower: [120, 252, 560] };
+  const limits: Record<string, [number, number, number]> = { views: [160, 288, 700], inspector: [240, 328, 560], lower: [120, 280, 560] };
   const [low, usual, high] = limits[pane] ?? [100, 300, 600];
   const apply = (size: number): void => {
     const kept = Math.max(low, Math.min(high, Math.round(size)));

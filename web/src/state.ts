@@ -149,12 +149,12 @@ export class App extends View {
       .filter((l) => l !== undefined);
   }
 
-  /** The machine's proposals that nobody has decided about in the edited layer. */
+  /** The machine's proposals that nobody has decided about in the edited layer; sub-events come with their events. */
   openProposals(): { events: EcatEvent[]; relations: Relation[] } {
     const machine = this.machine;
     if (machine === null) return { events: [], relations: [] };
     return {
-      events: machine.events.list.filter((e) => this.decided(e.id) === null),
+      events: machine.events.list.filter((e) => e.parent === null && this.decided(e.id) === null),
       relations: machine.relations.list.filter((r) => this.decided(r.id) === null),
     };
   }

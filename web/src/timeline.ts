@@ -6,6 +6,7 @@ import { ask } from "./dialogs";
 import { h } from "./dom";
 import { glyph } from "./player/glyphs";
 import { follow, followOrCancel } from "./pointer";
+import { origin } from "./proposals";
 import { type App, MACHINE, type Selected } from "./state";
 import { onTheme, palette } from "./theme";
 import { beginDraft, type Drag, drop, pickUp, pull, shownFrame } from "./timeline/drag";
@@ -162,7 +163,7 @@ class Timeline {
     if (row < 0) return;
     const [top, bottom] = [rows.tops[row]!, rows.tops[row + 1]!];
     if (top < scroller.scrollTop) scroller.scrollTop = Math.max(0, top - 22);
-    else if (bottom > scroller.scrollTop + this.height) scroller.scrollTop = bottom - this.height + 4;
+    else if (bottom > scroller.scrollTop + this.height) scroller.scrollTop = bottom - this.height;
     const { axis } = this.shared;
     if (found && (found.bar.end < axis.first || found.bar.start > axis.last)) {
       axis.reveal(found.bar.start);
@@ -303,8 +304,17 @@ class Timeline {
       : hit.row.kind === "bars" && hit.row.editable && !hit.bar ? "crosshair"
       : "";
     if (this.view.style.cursor !== cursor) this.view.style.cursor = cursor;
-    const title = hit?.bar ? `${hit.bar.label}  [${hit.bar.start}, ${hit.bar.end})` : "";
+    const title = hit?.bar && hit.row.kind === "bars" ? this.about(hit.row, hit.bar) : "";
     if (this.view.title !== title) this.view.title = title;
+  }
+
+  /** What is said of a bar, of which its label may have no room to say anything. */
+  private about({ layer, proposals }: BarRow, bar: Bar): string {
+    const document = this.app.layers.get(layer)?.document;
+    const event = bar.what === "event" ? document?.event(bar.id) : undefined;
+    const element = event ?? document?.relation(bar.id);
+    const text = event !== undefined && event.type !== "" ? event.text : "";
+    return [`${bar.label}  [${bar.start}, ${bar.end})`, text, proposals && element !== undefined ? origin(element) : ""].filter(Boolean).join("\n");
   }
 
   private edgeOpen(hit: Hit): boolean {

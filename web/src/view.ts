@@ -7,7 +7,7 @@ export const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4];
 
 const SETTINGS_KEY = "ecat.settings";
 const DEFAULT_SETTINGS: Settings = {
-  theme: "system", author: "", suggested: "", tool: "select", proposals: true, lastType: "", lastTier: "", plots: [], panes: {},
+  theme: "system", author: "", suggested: "", tool: "select", proposals: true, order: "time", lastType: "", lastTier: "", plots: [], panes: {},
   body: "whole", marks: true,
 };
 const MOST_MESSAGES = 200;

@@ -76,7 +76,8 @@ def write_relation(
     ------
     NotFoundError, FormatError, SchemaError : no such file, not Parquet, or columns are missing.
     InputError : a coordinate is infinite, a size negative, a frame occurs twice, or nothing is there.
-    LimitError : the rows are not ordered by track and frame, and more than can be ordered in memory.
+    LimitError : the rows are not ordered by track and frame, and more than can be ordered in memory; or a track has
+        a long name.
     ExistsError : ``dest`` is taken.
     """
     file = TrackFile(source)

@@ -33,7 +33,8 @@ def relations_of(session: Session, track: pa.Table, *, least: int = LEAST) -> tu
 
     Returns
     -------
-    The predicate is name and value (``cardir=ne``), the arguments are the objects in their order.
+    The predicate is name and value (``cardir=ne``), the arguments are the objects in their order.  What holds on both
+    sides of frames that are not in the track holds twice.
     """
     times: list[int | None] = clock_table(session)["t_ns"].to_pylist()
     found = [
@@ -48,17 +49,20 @@ def _held(rows: list[dict[str, Any]], least: int, times: list[int | None]) -> It
     def at(frame: int) -> int | None:
         return times[frame] if frame < len(times) else None
 
-    for value, stretch in groupby(rows, lambda row: row["value"]):
-        frames = [row["frame"] for row in stretch]
+    numbered = enumerate(rows)
+    for (value, _), stretch in groupby(numbered, lambda each: (each[1]["value"], each[1]["frame"] - each[0])):
+        frames = [row["frame"] for _, row in stretch]
         if value is None or len(frames) < least:
             continue
-        row = rows[0]
+        row, start, end = rows[0], at(frames[0]), at(frames[-1] + 1)
+        if start is not None and end is not None and end <= start:  # the clock goes back
+            start = end = None
         yield Relation(
             predicate=f"{row['relation']}={value}",
             start_frame=frames[0],
             end_frame=frames[-1] + 1,
-            start_ns=at(frames[0]),
-            end_ns=at(frames[-1] + 1),
+            start_ns=start,
+            end_ns=end,
             source="computed",
             status="proposed",
             author=author_of(row["relation"]),

@@ -19,6 +19,10 @@ ROWS = 1 << 18
 """Rows in memory at a time."""
 MOST_UNORDERED = 30_000_000
 """Rows that are ordered in memory, at about 60 bytes each."""
+MOST_NAME, MOST_NAMES = 255, 1 << 31
+"""Bytes of the name of a track, as of a file; and of all that are ordered in memory, as the file has them."""
+_PAGE = 1 << 20
+"""Bytes that a column may have beyond its values."""
 
 
 class TrackFile:
@@ -34,8 +38,11 @@ class TrackFile:
         if path.exists() and not path.is_file():
             raise self.refusal(FormatError, "not a file", "name a Parquet file")
         with self._reading():
-            self._file = pq.ParquetFile(path)
-        self.names = frozenset(self._file.schema_arrow.names)
+            metadata = pq.read_metadata(path)
+            paths = {metadata.schema.column(place).path for place in range(metadata.num_columns)}
+            # names of tracks are kept once
+            self._file = pq.ParquetFile(path, metadata=metadata, read_dictionary=list({"track"} & paths))
+            self.names = frozenset(self._file.schema_arrow.names)
         self.n_rows = self._file.metadata.num_rows
         if not self.n_rows:
             raise self.refusal(InputError, "no rows", "give at least one track")
@@ -55,11 +62,14 @@ class TrackFile:
         if pa.types.is_dictionary(track):
             track = track.value_type
         wrong = [] if _is_name(track) else [f"track is {track}"]
-        wrong += [
-            f"{name} is {kind}" for name in needed[1:] if not _is_number(kind := schema.field(name).type)
-        ]
+        kinds = {name: schema.field(name).type for name in needed[1:]}
+        wrong += [f"{name} is {kind}" for name, kind in kinds.items() if not _is_number(kind)]
+        if pa.types.is_float16(kinds["frame"]):  # Arrow does not compare these
+            wrong.append(f"frame is {kinds['frame']}")
         if wrong:
-            fix = "write tracks as integers or text, and everything else as numbers"
+            fix = (
+                "write tracks as integers or text, everything else as numbers, and frames not as half floats"
+            )
             raise self.refusal(SchemaError, "; ".join(wrong), fix)
         return pa.schema([("track", track), ("frame", schema.field("frame").type)])
 
@@ -69,14 +79,17 @@ class TrackFile:
         Raises
         ------
         InputError : a track or frame is null, or occurs twice.
-        LimitError : too many rows to put in order.
+        LimitError : too many rows to put in order, or a track with a long name.
         """
         schema = self.schema(numbers)
+        for group, size in self._name_sizes():
+            if size > (MOST_NAME + 8) * group + _PAGE:
+                raise self._long_name(size // group)
         fields = [*schema, *(pa.field(name, pa.float64()) for name in numbers)]
         tables = (
             self._batches(schema.names + list(numbers))
             if self._is_ordered(schema)
-            else self._ordered(schema, numbers)
+            else self._ordered(numbers)
         )
         for table in tables:
             yield table.cast(pa.schema(fields), safe=False)
@@ -93,6 +106,7 @@ class TrackFile:
     def _batches(self, names: list[str]) -> Iterator[pa.Table]:
         with self._reading():
             for batch in self._file.iter_batches(ROWS, columns=names):
+                self._require_names(batch.column("track"))
                 yield pa.Table.from_batches([batch]).select(names)
 
     def _is_ordered(self, schema: pa.Schema) -> bool:
@@ -112,15 +126,18 @@ class TrackFile:
             last = rows.slice(rows.num_rows - 1)
         return ordered
 
-    def _ordered(self, schema: pa.Schema, numbers: Sequence[str]) -> Iterator[pa.Table]:
+    def _ordered(self, numbers: Sequence[str]) -> Iterator[pa.Table]:
+        fix = "write the file in the order of track and frame; then it may have any length"
         if self.n_rows > MOST_UNORDERED:
-            raise self.refusal(
-                LimitError,
-                f"{self.n_rows:,} rows that are not ordered by track and frame; at most {MOST_UNORDERED:,}",
-                "write the file in the order of track and frame; then it may have any length",
+            where = (
+                f"{self.n_rows:,} rows that are not ordered by track and frame; at most {MOST_UNORDERED:,}"
             )
+            raise self.refusal(LimitError, where, fix)
+        if (size := sum(size for _, size in self._name_sizes())) > MOST_NAMES:
+            where = f"rows that are not ordered by track and frame, with {size:,} bytes of names of tracks"
+            raise self.refusal(LimitError, f"{where}; at most {MOST_NAMES:,}", fix)
         with self._reading():
-            tracks, names = self._track_numbers(schema.field("track").type)
+            tracks, names = self._track_numbers()
             frame = self._column("frame")
             order = np.lexsort((frame, tracks)).astype(np.int32)
             columns: dict[str, NDArray[Any]] = {"track": tracks[order], "frame": frame[order]}
@@ -136,9 +153,11 @@ class TrackFile:
             tracks = names.take(pa.array(part.pop("track"), pa.int32()))
             yield pa.Table.from_pydict({"track": tracks, **part})
 
-    def _track_numbers(self, kind: pa.DataType) -> tuple[NDArray[np.int32], pa.Array[Any]]:
+    def _track_numbers(self) -> tuple[NDArray[np.int32], pa.Array[Any]]:
         """Of every row the place of its track among all, in order; and all."""
-        track: Any = self._file.read(["track"])["track"].cast(kind).dictionary_encode()
+        track: Any = self._file.read(["track"])["track"]
+        if not pa.types.is_dictionary(track.type):
+            track = track.dictionary_encode()
         known = track.unify_dictionaries().combine_chunks()
         names: pa.Array[Any] = known.dictionary
         order = pc.sort_indices(names)
@@ -156,6 +175,26 @@ class TrackFile:
             )
             start += len(batch)
         return values
+
+    def _name_sizes(self) -> Iterator[tuple[int, int]]:
+        """Of each group of rows how many they are, and the bytes of their tracks before they were compressed."""
+        for number in range(self._file.metadata.num_row_groups):
+            group = self._file.metadata.row_group(number)
+            columns = (group.column(place) for place in range(group.num_columns))
+            sizes = (one.total_uncompressed_size for one in columns if one.path_in_schema == "track")
+            yield group.num_rows, sum(sizes)
+
+    def _require_names(self, track: Any) -> None:
+        """Names of tracks are text, and short."""
+        if pa.types.is_dictionary(track.type):
+            track.validate(full=True)
+            longest = pc.max(pc.binary_length(track.dictionary)).as_py() or 0
+            if longest > MOST_NAME:
+                raise self._long_name(longest)
+
+    def _long_name(self, size: int) -> EcatError:
+        where = f"a track whose name has {size:,} bytes; at most {MOST_NAME}"
+        return self.refusal(LimitError, where, "give tracks short names, or numbers")
 
     def _require_known(self, table: pa.Table, name: str) -> None:
         column = table[name].combine_chunks()
@@ -180,7 +219,7 @@ class TrackFile:
     def _reading(self) -> Generator[None]:
         try:
             yield
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, UnicodeDecodeError, OSError) as error:
             if isinstance(error, OSError) and error.errno:
                 raise os_error(error, f"cannot read {self.path.name}", self.path) from error
             said = str(error).splitlines()
@@ -189,7 +228,7 @@ class TrackFile:
 
 
 def _is_name(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_string(kind) or pa.types.is_large_string(kind))
+    return bool(pa.types.is_integer(kind) or pa.types.is_string(kind))
 
 
 def _is_number(kind: pa.DataType) -> bool:

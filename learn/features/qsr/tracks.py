@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from itertools import permutations
 from typing import Any
 
@@ -11,13 +11,15 @@ import pyarrow as pa
 
 from ecat.errors import UsageError
 from ecat.geometry.transforms import matrix_from_quaternion
+from ecat.process.inputs import sane
 from ecat.store import Session
 from ecat.tables import Column, TableSchema
-from learn.features.qsr.codes import Codes, Floats, to_arrow
+from learn.features.qsr.codes import MISSING, Codes, Floats, to_arrow
 from learn.features.qsr.continuity import chains, positions
 from learn.features.qsr.relations import RELATIONS, Relation
 
 _NAME = pa.dictionary(pa.int32(), pa.string())
+_COUNT = {1: "one object", 2: "two objects, not the same", 3: "three objects, all different"}
 QUALITATIVE_TRACKS = TableSchema(
     "qualitative_tracks",
     "Qualitative relations of objects, one row per frame, or per state of a chain.",
@@ -52,7 +54,7 @@ def qualitative_tracks(
     Parameters
     ----------
     name : one of :data:`RELATIONS`.
-    of : ids of objects, as many as the relation has, for each track; by default all in every order.
+    of : ids of objects, as many as the relation has and none twice, for each track; by default all in every order.
     sizes_m : edges of the objects' boxes by id, for relations of boxes: those of the rectangle parallel to the
         table's axes around the box; without, they are points.
     collapse, validate : make a chain of QTC states.
@@ -60,7 +62,7 @@ def qualitative_tracks(
 
     Returns
     -------
-    Table of :data:`QUALITATIVE_TRACKS`.
+    Table of :data:`QUALITATIVE_TRACKS`.  Movement is not known in the frame after one that has no poses.
 
     Raises
     ------
@@ -69,18 +71,15 @@ def qualitative_tracks(
     """
     relation = relation_named(name, collapse=collapse, validate=validate)
     frames, places = _places(session, relation, sizes_m or {})
-    wanted = list(permutations(sorted(places), relation.objects)) if of is None else list(of)
-    unknown = {each for ids in wanted for each in ids} - set(places)
-    if unknown or any(len(ids) != relation.objects for ids in wanted):
-        raise UsageError(
-            f"cannot compute {name} of {sorted(unknown) or wanted}",
-            where=f"{name} is of {relation.objects} objects; of this session, {', '.join(sorted(places)) or 'none'}",
-            fix="choose among these",
-        )
+    wanted = list(permutations(sorted(places), relation.objects)) if of is None else list(dict.fromkeys(of))
+    _require_objects(relation, wanted, places)
+    follows = np.diff(np.asarray(frames)) == 1
     schema = QUALITATIVE_TRACKS.arrow
     tables: list[pa.Table] = []
     for ids in wanted:
         codes = relation.compute(*(places[each] for each in ids), **parameters)
+        if relation.frames > 1:
+            codes = np.where(follows, codes, MISSING).astype(np.uint8)
         values = relation.values_of(parameters)
         track = _track(codes, frames[relation.frames - 1 :], values, collapse=collapse, validate=validate)
         names = dict(zip("abc", ids, strict=False))
@@ -116,6 +115,17 @@ def relation_named(name: str, *, collapse: bool = False, validate: bool = False)
     return relation
 
 
+def _require_objects(relation: Relation, wanted: Iterable[tuple[str, ...]], there: Collection[str]) -> None:
+    for ids in wanted:
+        if len(ids) != relation.objects or len(set(ids)) != len(ids) or not set(ids) <= set(there):
+            named, known = " and ".join(each or "nothing" for each in ids), ", ".join(sorted(there))
+            raise UsageError(
+                f"cannot compute {relation.name} of {named or 'nothing'}",
+                where=f"{relation.name} is of {_COUNT[relation.objects]}; of this session, {known or 'none'}",
+                fix="choose among these",
+            )
+
+
 def _track(
     codes: Codes,
     frames: pa.Array[Any],
@@ -138,9 +148,8 @@ def _places(
 ) -> tuple[pa.Array[Any], dict[str, Floats]]:
     """Frames, and of every object points, in space for argd, or boxes; NaN where it was not seen."""
     table = "poses_smooth" if session.has_table("poses_smooth") else "poses"
-    poses = session.table(
-        table, columns=["frame", "object_id", "x", "y", "z", "qx", "qy", "qz", "qw"]
-    ).to_arrow()
+    columns = ["frame", "object_id", "x", "y", "z", "qx", "qy", "qz", "qw"]
+    poses = sane(session.table(table, columns=columns).to_arrow())
     frames = np.unique(poses["frame"].to_numpy())
     places: dict[str, Floats] = {}
     ids = np.array(poses["object_id"].cast(pa.string()).to_pylist())
@@ -148,6 +157,7 @@ def _places(
         rows = poses.filter(pa.array(ids == each))
         pose = np.array([rows[key].to_numpy() for key in ("x", "y", "z", "qx", "qy", "qz", "qw")]).T
         found = np.full((len(frames), 7), np.nan)
+        pose[(pose[:, 3:] == 0).all(axis=1)] = np.nan  # turned in no way
         found[np.searchsorted(frames, rows["frame"].to_numpy())] = pose
         places[each] = found[:, : 3 if relation.in_space else 2]
         if relation.of_boxes and each in sizes_m:

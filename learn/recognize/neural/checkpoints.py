@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ecat.errors import CorruptError, InputError
-from ecat.store import staged_file
+from ecat.errors import InputError
+from learn.recognize.kept import read_arrays, write_arrays
+from learn.recognize.unusable import undamaged
 
-_ZIP = b"PK"
 _TEXT = "text"
 
 
@@ -41,12 +41,10 @@ def read_checkpoint(source: Path, identity: str) -> Checkpoint:
     InputError : it is of a training with other settings, or on other sessions.
     CorruptError : it is damaged.
     """
-    arrays, text = read_tensors(source)
-    try:
+    with going_on(source):
+        arrays, text = read_tensors(source)
         kept, history = json.loads(text)
         found = Checkpoint(arrays, dict(history))
-    except (ValueError, TypeError) as error:
-        raise _damaged(source, error) from None
     if kept != identity:
         raise InputError(
             f"cannot go on with {source}",
@@ -57,34 +55,31 @@ def read_checkpoint(source: Path, identity: str) -> Checkpoint:
     return found
 
 
+def going_on(source: Path) -> AbstractContextManager[None]:
+    """What fails in the block, which goes on with a checkpoint, fails because that is damaged."""
+    what, fix = f"cannot go on with {source}", "remove it, and train again"
+    return undamaged(what, consequence="nothing was trained", fix=fix)
+
+
 def write_tensors(dest: Path, tensors: Mapping[str, Tensor], text: str = "") -> None:
-    """Write tensors by name, and a text, as arrays of NumPy without pickles; replaces such a file."""
-    arrays: dict[str, Any] = {name: value.detach().cpu().numpy() for name, value in tensors.items()}
-    arrays[_TEXT] = np.frombuffer(text.encode(), np.uint8)
-    with staged_file(dest, replaces=_ZIP) as staging, staging.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **arrays)
-
-
-def read_tensors(source: Path) -> tuple[dict[str, Tensor], str]:
-    """The tensors and the text of a file.
+    """Write tensors by name, and a text, as arrays of NumPy without pickles; replaces such a file.
 
     Raises
     ------
-    CorruptError : it is damaged, or holds anything but numbers.
+    InputError : a number is not known (NaN): training went astray.
+    StoreError : they cannot be written.
     """
-    try:
-        with source.open("rb") as stream, np.load(stream, allow_pickle=False) as kept:
-            arrays = {name: np.asarray(kept[name]) for name in kept.files}
-        text = arrays.pop(_TEXT).tobytes().decode()
-        return {name: torch.from_numpy(value.copy()) for name, value in arrays.items()}, text
-    except (ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError, OSError) as error:
-        raise _damaged(source, error) from None
+    arrays = {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+    write_arrays(dest, arrays | {_TEXT: np.frombuffer(text.encode(), np.uint8)})
 
 
-def _damaged(source: Path, error: Exception) -> CorruptError:
-    return CorruptError(
-        f"cannot read {source}",
-        where=str(error)[:200] or type(error).__name__,
-        consequence="nothing was taken from it",
-        fix="remove it, and train again",
-    )
+def read_tensors(source: Path, names: Iterable[str] | None = None) -> tuple[dict[str, Tensor], str]:
+    """The tensors and the text of a file; to be called in ``undamaged``, as whatever it reads them with.
+
+    Parameters
+    ----------
+    names : of the tensors that may be in it.
+    """
+    arrays = read_arrays(source, None if names is None else {_TEXT, *names})
+    text = arrays.pop(_TEXT).tobytes().decode()
+    return {name: torch.from_numpy(value) for name, value in arrays.items()}, text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ import torch
 from torch import Tensor
 
 from ecat.progress import Progress
-from learn.features.points import SWAP_POINTS
+from learn.features.points import JOINTS, SWAP_POINTS
 from learn.features.raw import (
     DEPTH,
     HEIGHT,
@@ -19,13 +20,15 @@ from learn.features.raw import (
     N_CHANNELS,
     PLANE,
     SHAPE,
-    SWAP_CHANNELS,
 )
 from learn.features.windows import HOP
 from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of
 from learn.recognize.folds import Key
 from learn.recognize.inputs import Fitted
 from learn.recognize.neural.training import Settings
+
+_TRUNK, _ELBOWS = [0, 1, 7], [2, 8]
+"""Of joints."""
 
 
 def held_out(
@@ -70,29 +73,49 @@ def dense(
 
 
 class Augment:
-    """Other scenes of which the same would be said: boxes exchanged, in a mirror, turned, larger, and noisier."""
+    """Other scenes of which the same would be said, so that nothing else is learned of those that were recorded.
 
-    turn, growth, apart_m, noise_m = 0.2, 0.08, 0.02, 0.003
+    They are seen in a mirror, and from any side; the person is elsewhere, and larger or smaller, as are the boxes; the
+    table slopes otherwise, and every point is off by as much throughout the window, and by a little in every frame.
+    """
 
-    def __init__(self, vocabulary: Labels) -> None:
-        self.exchange = torch.tensor(places_of(exchanged(vocabulary), vocabulary))
+    tilt, growth, size = 0.07, 0.08, 0.1
+    torso_m, apart_m, joint_m, box_m, height_m, depth_m, noise_m = 0.15, 0.03, 0.02, 0.01, 0.03, 0.05, 0.003
+
+    def __init__(self) -> None:
         self.signs = torch.from_numpy(MIRROR_SIGNS)
+        self.with_torso = torch.zeros(len(JOINTS), 1)
+        self.with_torso[_TRUNK], self.with_torso[_ELBOWS] = 1.0, 0.5
 
-    def __call__(self, inputs: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
-        """Another batch of windows (b, 20, 75) and shares of labels (b, k)."""
+    def __call__(self, inputs: Tensor) -> Tensor:
+        """Other windows (b, 20, 75)."""
         n = len(inputs)
-        mirrored, swapped = torch.rand(2, n) < 0.5
-        x = torch.where(mirrored[:, None, None], inputs[..., MIRROR_CHANNELS] * self.signs, inputs)
-        x = torch.where(swapped[:, None, None], x[..., SWAP_CHANNELS], x)
-        plane = x[..., PLANE].unflatten(2, (-1, 2))
-        angle = self.turn * torch.randn(n)
+        mirrored = torch.rand(n, 1, 1) < 0.5
+        x = torch.where(mirrored, inputs[..., MIRROR_CHANNELS] * self.signs, inputs)
+        plane = self._from_a_side(x[..., PLANE].unflatten(2, (-1, 2)))
+        shape = x[..., SHAPE] * (1 + self.size * torch.randn(n, 1, 1))
+        height = x[..., HEIGHT] + self.height_m * (
+            torch.randn(n, 1, 1) + 0.5 * torch.randn(n, 1, len(JOINTS))
+        )
+        depth = x[..., DEPTH] + self.depth_m * torch.randn(n, 1, 4)
+        larger = 1 + self.growth * torch.randn(n, 1, 1)
+        found = torch.cat(
+            [(plane * larger[..., None] + self._away(n)).flatten(2), shape, height, depth], dim=2
+        )
+        found[..., PLANE.stop :] *= larger
+        return found + self.noise_m * (torch.randn_like(found) + torch.randn(n, 1, N_CHANNELS))
+
+    def _from_a_side(self, plane: Tensor) -> Tensor:
+        """Places (b, 20, 21, 2) on a table that slopes otherwise, turned about the middle of both boxes."""
+        n = len(plane)
+        along = 1 + self.tilt * torch.randn(n)
+        angle = math.pi * (2 * torch.rand(n) - 1)
         cos, sin = angle.cos(), angle.sin()
-        turns = torch.stack([cos, sin, -sin, cos], dim=1).view(n, 1, 2, 2)
-        plane = plane @ turns
-        away = torch.zeros(n, 1, plane.shape[2], 2)
-        away[:, :, :13] = self.apart_m * torch.randn(n, 1, 1, 2)
-        rest = [x[..., part] for part in (SHAPE, HEIGHT, DEPTH)]
-        grown = torch.cat([plane.flatten(2), *rest], dim=2) * (1 + self.growth * torch.randn(n, 1, 1))
-        grown[..., PLANE] += away.flatten(2)
-        noise = torch.randn_like(grown) + torch.randn(n, 1, N_CHANNELS)
-        return grown + self.noise_m * noise, torch.where(swapped[:, None], targets[:, self.exchange], targets)
+        return plane @ torch.stack([cos, sin, -sin * along, cos * along], dim=1).view(n, 1, 2, 2)
+
+    def _away(self, n: int) -> Tensor:
+        """How far (b, 1, 21, 2) points are from where they were: the person, the upper body, joints, and boxes."""
+        person, torso = self.apart_m * torch.randn(n, 1, 1, 2), self.torso_m * torch.randn(n, 1, 1, 2)
+        joints = person + torso * self.with_torso + self.joint_m * torch.randn(n, 1, len(JOINTS), 2)
+        boxes = self.box_m * torch.randn(n, 1, 2, 2)
+        return torch.cat([joints, boxes.repeat_interleave(4, dim=2)], dim=2)

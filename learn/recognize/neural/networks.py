@@ -9,8 +9,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from learn.features.raw import N_CHANNELS, PLANE, SHAPE
-from learn.recognize.dataset import SLOTS
+from learn.features.raw import DEPTH, N_CHANNELS, SHAPE, SWAP_CHANNELS
+from learn.recognize.actions import Actions
+from learn.recognize.dataset import SLOTS, Labels
 from learn.recognize.neural.tree_crf import Tree, TreeCRF
 
 SIZES = tuple(len(values) for values in SLOTS.values())
@@ -115,20 +116,32 @@ class Dense(nn.Module):
 
 
 class RawNetwork(nn.Module):
-    """Points and their movement, frame by frame, multiplied with each other; convolutions in time; whole labels.
+    """Points and their movement, frame by frame, multiplied with each other; convolutions in time; a label in parts.
 
     What geometry asks for are products (of a movement and a direction, say), so the first layer is gated by itself.
+    A window is seen twice, with either box as the first; what is said of the first box is how it is moved and where to,
+    and what is said of both is compared, to tell which one moves.  So exchanged boxes exchange what is said, what is
+    learned of one box is known of the other, and which box moves is learned from all actions at once, and not from the
+    places where each of them was recorded.
 
     Parameters
     ----------
-    n_labels : of the vocabulary, all of which are valid.
+    vocabulary : (k, 5) labels, with both names of the boxes, all of which are valid.
+    smooth : share of a label that is given to all others.
     """
 
-    def __init__(self, n_labels: int, width: int, drop: float, *, smooth: float = 0.05) -> None:
+    def __init__(self, vocabulary: Labels, width: int, drop: float, *, smooth: float = 0.05) -> None:
         super().__init__()
         self.smooth = smooth
+        actions = Actions.of(vocabulary)
+        self.mover, self.action, self.manner, self.relation = (
+            torch.from_numpy(part)
+            for part in (actions.mover, actions.action, actions.manner, actions.relation)
+        )
+        self.n_manners = int(actions.manner.max()) + 1
+        n_relations = int(actions.relation.max()) + 1
         self.gate = nn.Linear(2 * N_CHANNELS, 2 * width)
-        self.frame = nn.Sequential(nn.Linear(width, width))
+        self.frame = nn.Linear(width, width)
         self.norm = nn.BatchNorm1d(width)
         self.convolutions = nn.ModuleList(
             nn.Conv1d(width, width, 3, padding=reach, dilation=reach) for reach in (1, 2, 4)
@@ -136,33 +149,48 @@ class RawNetwork(nn.Module):
         self.norms = nn.ModuleList(nn.BatchNorm1d(width) for _ in self.convolutions)
         self.drop = nn.Dropout(drop)
         self.last = nn.Sequential(
-            nn.Linear(6 * width, 256), nn.ReLU(), nn.Dropout(drop), nn.Linear(256, n_labels)
+            nn.Linear(6 * width, 256),
+            nn.ReLU(),
+            nn.Dropout(drop),
+            nn.Linear(256, self.n_manners + n_relations + 1),
         )
         scale, speed = torch.full((N_CHANNELS,), 4.0), torch.full((N_CHANNELS,), 40.0)
         scale[SHAPE], speed[SHAPE] = 25.0, 60.0
-        scale[PLANE.stop + 29 :], speed[PLANE.stop + 29 :] = 5.0, 10.0
+        scale[DEPTH], speed[DEPTH] = 5.0, 10.0
         self.scale, self.speed = scale, speed
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """Scores (b, labels) of windows (b, 20, 75)."""
-        middle = (inputs[:, 2:] - inputs[:, :-2]) / 2
+        """Logarithms (b, k) of the probabilities of labels, of windows (b, 20, 75)."""
+        n = len(inputs)
+        found = self._seen(torch.cat([inputs, inputs[..., SWAP_CHANNELS]]))
+        done = (found[:, self.manner] + found[:, self.n_manners + self.relation]).log_softmax(1)
+        moves = found[:n, -1:] - found[n:, -1:]
+        first = nn.functional.logsigmoid(moves) + done[:n, self.action]
+        second = nn.functional.logsigmoid(-moves) + done[n:, self.action]
+        either = torch.where(self.mover == 2, second, torch.logaddexp(first, second))
+        return torch.where(self.mover == 1, first, either)
+
+    def loss(self, inputs: Tensor, targets: Tensor) -> Tensor:
+        """Cross-entropy with shares (b, k), which are smoothed."""
+        return nn.functional.cross_entropy(self(inputs), targets, label_smoothing=self.smooth)
+
+    def log_probabilities(self, inputs: Tensor, vocabulary: Tensor) -> Tensor:
+        """Logarithms (b, k) of the probabilities of the vocabulary, which is that of training."""
+        del vocabulary
+        return self(inputs)
+
+    def _seen(self, inputs: Tensor) -> Tensor:
+        """Scores (b, manners + relations + 1) of what the first box does in windows, by means of two frames."""
+        rows = inputs.unflatten(1, (-1, 2)).mean(2)
+        middle = (rows[:, 2:] - rows[:, :-2]) / 4
         moved = torch.cat([middle[:, :1], middle, middle[:, -1:]], dim=1)
-        seen: Any = torch.cat([inputs * self.scale, (moved * self.speed).clamp(-4, 4)], dim=2)
+        seen: Any = torch.cat([rows * self.scale, (moved * self.speed).clamp(-4, 4)], dim=2)
         values, gates = self.gate(seen).chunk(2, dim=2)
         found = self.norm(self.frame(values * gates.sigmoid()).transpose(1, 2)).relu()
         for convolution, norm in zip(self.convolutions, self.norms, strict=True):
             found = found + self.drop(norm(convolution(found)).relu())
         knots = found.unflatten(2, (5, -1)).mean(3).flatten(1)
         return self.last(self.drop(torch.cat([knots, found.amax(2)], dim=1)))
-
-    def loss(self, inputs: Tensor, targets: Tensor) -> Tensor:
-        """Cross-entropy with shares (b, labels), which are smoothed."""
-        return nn.functional.cross_entropy(self(inputs), targets, label_smoothing=self.smooth)
-
-    def log_probabilities(self, inputs: Tensor, vocabulary: Tensor) -> Tensor:
-        """Logarithms (b, labels) of the probabilities of the vocabulary, which is that of training."""
-        del vocabulary
-        return self(inputs).log_softmax(1)
 
 
 class Ensemble(nn.Module):

@@ -6,11 +6,15 @@ from pathlib import Path
 
 from ecat.errors import MissingExtraError
 from ecat.store import staged_file
+from learn.recognize.kept import HEADS
 from learn.recognize.neural.training import History
+
+_FEW = 30
+"""Of so many epochs each is marked: a line of one would not be seen."""
 
 
 def draw_curves(history: History, dest: Path) -> None:
-    """A picture of losses, and of scores on sessions for validation if there were any, epoch by epoch.
+    """A picture of losses and, if there were sessions for validation, of scores on them, epoch by epoch.
 
     Raises
     ------
@@ -18,21 +22,26 @@ def draw_curves(history: History, dest: Path) -> None:
     """
     try:
         from matplotlib.figure import Figure
+        from matplotlib.ticker import MaxNLocator
     except ImportError:
         raise MissingExtraError(
             "cannot draw learning curves",
             where="Matplotlib is not installed",
             fix="pip install 'ecat[plots]'",
         ) from None
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    left.plot(range(1, len(history.losses) + 1), history.losses)
-    left.set(title="loss of training", xlabel="epoch")
-    right.plot(range(1, len(history.scores) + 1), history.scores)
-    right.set(title="whole labels right, of validation", xlabel="epoch", ylim=(0, 1))
+    curves = [("training", "loss", history.losses)]
     if history.scores:
-        right.axvline(history.best + 1, linestyle=":", color="black")
-    else:
-        right.text(0.5, 0.5, "no sessions for validation", ha="center", transform=right.transAxes)
-    with staged_file(dest, replaces=b"\x89PNG") as staging:
+        curves.append(("validation, whole labels", "share of windows right", history.scores))
+    figure = Figure(figsize=(5 * len(curves), 4), layout="constrained")
+    panels = figure.subplots(1, len(curves), squeeze=False)[0]
+    for axes, (title, unit, values) in zip(panels, curves, strict=True):
+        axes.plot(range(1, len(values) + 1), values, marker="." if len(values) < _FEW else "")
+        axes.set(title=title, xlabel="epoch", ylabel=unit)
+        axes.set_xlim(0.5, len(values) + 0.5)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    if history.scores:
+        panels[1].set_ylim(0, 1)
+        panels[1].axvline(history.best + 1, linestyle=":", color="black", label="what was kept")
+        panels[1].legend()
+    with staged_file(dest, replaces=HEADS[".png"]) as staging:
         figure.savefig(staging, format="png", dpi=110)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -17,10 +18,10 @@ from torch import Tensor
 
 from ecat.errors import InputError
 from ecat.progress import Progress, silent
-from learn.features.raw import MIRROR_CHANNELS, MIRROR_SIGNS, SWAP_CHANNELS, VERSION
+from learn.features.raw import MIRROR_CHANNELS, MIRROR_SIGNS, VERSION
 from learn.features.windows import Floats, Table
 from learn.recognize.context import in_context
-from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of, vocabulary_of
+from learn.recognize.dataset import LabelledSession, Labels, vocabulary_of
 from learn.recognize.folds import Key
 from learn.recognize.grammar import Habits
 from learn.recognize.inputs import SHAPES, Fitted
@@ -29,7 +30,7 @@ from learn.recognize.neural.checkpoints import read_tensors, write_tensors
 from learn.recognize.neural.examples import Augment, dense, held_out, twice
 from learn.recognize.neural.networks import SIZES, Dense, Ensemble, RawNetwork, SlotLSTM, SlotNetwork
 from learn.recognize.neural.training import History, Settings, fit, forget, one_thread
-from learn.recognize.unusable import check_name, damaged
+from learn.recognize.unusable import check_name, habits_of, labels_of, prints_of, undamaged
 
 FEATURES = {
     "mlp": "ch4-event75",
@@ -44,7 +45,7 @@ RECIPES = {
     **{name: Settings(name) for name in FEATURES},
     "neural": Settings(
         "neural",
-        hidden=128,
+        hidden=96,
         epochs=12,
         batch=128,
         rate=2e-3,
@@ -56,10 +57,10 @@ RECIPES = {
     ),
 }
 """How each is trained if nothing else is said: the smallest of the thesis' grid."""
-NETWORK, CHECKPOINT = "network.npz", "checkpoint.npz"
+NETWORK = "network.npz"
+MOST = {"hidden": 4096, "layers": 8, "members": 16}
+"""Of sizes of a network, which the command line also allows no more of."""
 _CHUNK = 256
-_WAYS = ((False, False), (False, True), (True, True), (True, False))
-"""Mirrored, and boxes exchanged; every other one has both sides and both names."""
 _EVERY: Labels = np.array(list(product(*(range(size) for size in SIZES))), np.int8)
 
 
@@ -96,7 +97,7 @@ class NeuralRecognizer:
 
         Parameters
         ----------
-        thorough : every member of the raw network sees windows in every way, and not each in a share of the ways.
+        thorough : every member of the raw network sees both sides of a mirror, and not every other one the same side.
         """
         if sessions:
             inputs = torch.from_numpy(np.concatenate([self.fitted.windows(points) for points in sessions]))
@@ -146,7 +147,7 @@ def train(
     )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
-        network = _network(settings, len(seen))
+        network = _network(settings, seen)
         habits = Habits.of([session.labels for session in known])
         vocabulary = seen if whole else _EVERY
         prints = frozenset(fingerprint(session.points) for session in sessions)
@@ -160,7 +161,7 @@ def train(
             inputs,
             targets,
             settings,
-            augment=Augment(seen) if whole else None,
+            augment=Augment() if whole else None,
             validate=_validation(recognizer, held),
             checkpoint=checkpoint,
             identity=_identity(sessions, settings, fitted),
@@ -181,25 +182,28 @@ def slot_probabilities(network: Any, inputs: Tensor, vocabulary: Labels, setting
 
 
 def raw_probabilities(network: Any, inputs: Tensor, vocabulary: Labels, *, thorough: bool = True) -> Floats:
-    """Probabilities (w, k) of labels (k, 5): the mean over members, both names of boxes and both sides of a mirror."""
+    """Probabilities (w, k) of labels (k, 5): the mean over members and both sides of a mirror."""
     network.eval()
-    labels = torch.from_numpy(vocabulary)
-    exchange = places_of(exchanged(vocabulary), vocabulary)
-    members = list(network.members)
+    labels, signs = torch.from_numpy(vocabulary), torch.from_numpy(MIRROR_SIGNS)
+    asked = [
+        (member, side)
+        for number, member in enumerate(network.members)
+        for side in ((0, 1) if thorough else (number % 2,))
+    ]
 
-    def seen_in(way: int) -> Floats:
-        mirrored, swapped = _WAYS[way]
-        seen = inputs[..., MIRROR_CHANNELS] * torch.from_numpy(MIRROR_SIGNS) if mirrored else inputs
-        seen = seen[..., SWAP_CHANNELS] if swapped else seen
-        asked = members if thorough else [members[way % len(members)]]
-        found = np.mean([_by_chunks(member, seen, labels, _CHUNK) for member in asked], axis=0)
-        return found[:, exchange] if swapped else found
+    def said(start: int) -> Floats:
+        seen = inputs[start : start + _CHUNK]
+        sides = seen, seen[..., MIRROR_CHANNELS] * signs
+        with torch.inference_mode():
+            found = [member.log_probabilities(sides[side], labels).exp() for member, side in asked]
+            return torch.stack(found).mean(0).double().numpy()
 
     with (
         one_thread(),
         ThreadPoolExecutor(N_JOBS, initializer=torch.set_num_threads, initargs=(1,)) as threads,
     ):
-        return np.mean(list(threads.map(seen_in, range(len(_WAYS)))), axis=0)
+        parts = list(threads.map(said, range(0, len(inputs), _CHUNK)))
+    return np.concatenate([*parts, np.zeros((0, len(vocabulary)))])
 
 
 def save(recognizer: NeuralRecognizer, run: Path) -> dict[str, Any]:
@@ -207,6 +211,7 @@ def save(recognizer: NeuralRecognizer, run: Path) -> dict[str, Any]:
 
     Raises
     ------
+    InputError : a number of it is not known (NaN).
     StoreError : it cannot be written.
     """
     write_tensors(run / NETWORK, recognizer.network.state_dict())
@@ -229,29 +234,62 @@ def load(run: Path, config: Mapping[str, Any]) -> NeuralRecognizer:
     InputError : it was trained with other features.
     CorruptError : it is damaged.
     """
-    check_name(config.get("features"), FEATURES[config["model"]], run)
-    tensors, _ = read_tensors(run / NETWORK)
-    try:
-        settings = Settings(**config["settings"])
-        seen = np.array(config["vocabulary"], np.int8).reshape(-1, 5)
+    with undamaged(f"cannot use the model {run}"):
+        check_name(config["features"], FEATURES[config["model"]], run)
+        settings, seen = settings_of(config), labels_of(config)
         vocabulary = seen if settings.model == "neural" else _EVERY
-        places_of(exchanged(seen), vocabulary)
         fitted = Fitted(config["features"], np.array(config["fit"], np.float64))
-        network = _network(settings, len(seen))
-        network.load_state_dict(tensors)
-        known = frozenset(str(one) for one in config["trained_on"])
-        habits = Habits(**config["habits"])
+        network = _read_network(run / NETWORK, settings, seen)
+        habits, known = habits_of(config), prints_of(config)
         found = NeuralRecognizer(settings, fitted, vocabulary, seen, habits, network, known)
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError) as error:
-        raise damaged(run, error) from None
     network.eval()
     return found
 
 
-def _network(settings: Settings, n_labels: int) -> Any:
+def settings_of(config: Mapping[str, Any]) -> Settings:
+    """The settings that a network was trained with, as far as they say what it is and how it is asked.
+
+    Raises
+    ------
+    ValueError : they are of another model, or larger than what is trained.
+    TypeError : they are others, or of another type.
+    """
+    found = Settings(**config["settings"])
+    sizes = {name: getattr(found, name) for name in MOST}
+    wrong = [name for name, size in sizes.items() if type(size) is not int or not 1 <= size <= MOST[name]]
+    if found.model != config["model"]:
+        wrong.append("model")
+    if not 0 < found.keep <= 1:
+        wrong.append("keep")
+    if type(found.carries) is not bool:
+        wrong.append("carries")
+    if not math.isfinite(found.crf_weight):
+        wrong.append("crf_weight")
+    if wrong:
+        raise ValueError(f"its settings cannot be: {', '.join(wrong)}")
+    return found
+
+
+def _read_network(source: Path, settings: Settings, vocabulary: Labels) -> Any:
+    """Before a network is made, it is known that the file has all numbers for it, and no others."""
+    with torch.device("meta"):
+        expected = _network(settings, vocabulary).state_dict()
+    tensors, _ = read_tensors(source, expected)
+    for name, value in expected.items():
+        kept = tensors.get(name)
+        if kept is None or (kept.shape, kept.dtype) != (value.shape, value.dtype):
+            raise ValueError(f"its network does not fit its settings: {name}")
+        if not kept.isfinite().all():
+            raise ValueError(f"its network has numbers that are not finite: {name}")
+    network = _network(settings, vocabulary)
+    network.load_state_dict(tensors)
+    return network
+
+
+def _network(settings: Settings, vocabulary: Labels) -> Any:
     name, hidden, keep = settings.model, settings.hidden, settings.keep
     if name == "neural":
-        return Ensemble([RawNetwork(n_labels, hidden, 1 - keep) for _ in range(settings.members)])
+        return Ensemble([RawNetwork(vocabulary, hidden, 1 - keep) for _ in range(settings.members)])
     n_inputs = SHAPES[FEATURES[name]][-1]
     if name == "mlp":
         return SlotNetwork(Dense(n_inputs, hidden, keep), hidden, crf=False)

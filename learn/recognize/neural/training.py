@@ -14,9 +14,9 @@ import torch
 from torch import Tensor, nn
 
 from ecat.progress import Progress, silent
-from learn.recognize.neural.checkpoints import Checkpoint, read_checkpoint, write_checkpoint
+from learn.recognize.neural.checkpoints import Checkpoint, going_on, read_checkpoint, write_checkpoint
 
-Augment = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+Augment = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,16 @@ class History:
     scores: list[float] = field(default_factory=list[float])
     best: int = -1
 
+    def require_whole(self) -> None:
+        """Raise a ValueError unless there are numbers of all epochs, and the best is among them."""
+        numbers = [*self.losses, *self.scores]
+        if (
+            not all(isinstance(number, float) for number in numbers)
+            or len(self.scores) not in (0, len(self.losses))
+            or self.best not in range(-1, len(self.scores))
+        ):
+            raise ValueError("its history is not that of a training")
+
 
 def fit(
     network: Any,
@@ -81,7 +91,7 @@ def fit(
     Parameters
     ----------
     network : a module with ``loss(inputs, targets)``.
-    augment : makes another batch of a batch.
+    augment : makes other inputs of a batch, of which the same is true.
     validate : the score of the network as it is.
     checkpoint : written after every epoch; where there is one, training goes on from it.
     identity : of settings and sessions; a checkpoint of another is refused.
@@ -93,7 +103,9 @@ def fit(
     """
     trainer = _Trainer(network, settings, max(1, len(inputs) // settings.batch))
     if checkpoint is not None and checkpoint.exists():
-        trainer.restore(read_checkpoint(checkpoint, identity))
+        kept = read_checkpoint(checkpoint, identity)
+        with going_on(checkpoint):
+            trainer.restore(kept)
     history = trainer.history
     with one_thread():
         while trainer.epoch < settings.epochs and not trainer.is_done:
@@ -157,8 +169,8 @@ class _Trainer:
         total = torch.zeros(())
         for step in range(self.steps):
             rows = order[step * batch : (step + 1) * batch]
-            x, y = inputs[rows], targets[rows]
-            total += self._step(self.epoch * self.steps + step, *(augment(x, y) if augment else (x, y)))
+            seen = augment(inputs[rows]) if augment else inputs[rows]
+            total += self._step(self.epoch * self.steps + step, seen, targets[rows])
         forget(self.network)
         return float(total) / self.steps
 
@@ -194,21 +206,31 @@ class _Trainer:
         return Checkpoint(arrays, vars(self.history))
 
     def restore(self, kept: Checkpoint) -> None:
+        """Go on from there; if it is damaged, anything may be raised, or a ValueError."""
+        history = History(**kept.history)
+        history.require_whole()
         for name, part in self._parts().items():
-            part_kept = {key: kept.arrays[f"{name}.{key}"] for key in part}
+            part_kept = {key: _like(value, kept.arrays[f"{name}.{key}"]) for key, value in part.items()}
             if name == "network":
                 self.network.load_state_dict(part_kept)
             else:
                 setattr(self, name, part_kept)
-        whole = self.optimiser.state_dict()
+        self.optimiser.load_state_dict(self._optimised(kept))
+        torch.set_rng_state(kept.arrays["random"])
+        self.history = history
+
+    def _optimised(self, kept: Checkpoint) -> dict[str, Any]:
+        whole, parameters = self.optimiser.state_dict(), list(self.network.parameters())
         for name, value in kept.arrays.items():
             head, _, rest = name.partition(".")
             if head == "optimiser":
                 number, _, key = rest.partition(".")
+                if value.shape not in ((), parameters[int(number)].shape):
+                    raise ValueError(f"{name} is of another network")
                 whole["state"].setdefault(int(number), {})[key] = value
-        self.optimiser.load_state_dict(whole)
-        torch.set_rng_state(kept.arrays["random"])
-        self.history = History(**kept.history)
+        if self.averages and len(whole["state"]) != len(parameters):
+            raise ValueError("it lacks what the optimiser knew")
+        return whole
 
     def _parts(self) -> dict[str, dict[str, Tensor]]:
         return {"network": self.network.state_dict(), "mean": self.mean, "best": self.best}
@@ -237,3 +259,9 @@ class _Trainer:
             return self.settings.decay ** max(step // self.steps - 10, 0)
         done = step / max(self.steps * self.settings.epochs, 1)
         return done / 0.2 if done < 0.2 else 0.5 * (1 + math.cos(math.pi * (done - 0.2) / 0.8))
+
+
+def _like(value: Tensor, other: Tensor) -> Tensor:
+    if (value.shape, value.dtype) != (other.shape, other.dtype):
+        raise ValueError("its numbers are of another network")
+    return other

@@ -139,7 +139,17 @@ class TestReading:
     @pytest.mark.parametrize(
         ("broken", "told"),
         [
-            (session(FRAME.replace('type="rig"', 'type="glyph"')), "expected one rig and two glyphs"),
+            (session(FRAME.replace('type="rig"', 'type="glyph"')), "found 0 rigs, 3 glyphs"),
+            (session(FRAME.replace(f'<o type="rig">{RIG}</o>', "")), "found 0 rigs, 2 glyphs"),
+            (session(FRAME.replace(f'<o type="glyph">{BOX}</o>', "", 1)), "found 1 rig, 1 glyph"),
+            (session(FRAME.replace('type="rig"', 'type="dog"')), "found 0 rigs, 2 glyphs, 1 of another type"),
+            (
+                session(
+                    FRAME.replace('"rig"', '"x"').replace('"glyph"', '"rig"', 1).replace('"x"', '"glyph"')
+                ),
+                "found 1 rig, 2 glyphs in another order",
+            ),
+            (session('<frame no="0"/>', name="pull3"), "of session pull3: expected one rig and two glyphs"),
             (session(FRAME.replace(f">{BOX}<", ">1,2,3<", 1)), "expected 12 numbers, found 3"),
             (session(events=EVENT.replace("None,", "")), "expected 5 labels"),
             (session(FRAME.replace('no="0"', "")), "attribute no is missing"),

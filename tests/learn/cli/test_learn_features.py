@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -76,9 +77,78 @@ def test_recordings_that_lack_something_are_named_and_the_others_written(
     sessions.make(project / "bare", bare, process=False)
     result = ecat("learn", "features", project, "--set", "ch4-raw", "-o", dest, "--json")
     assert result.code == 1
-    assert list(result.json["sessions"]) == ["slide"]
+    assert list(result.json["sessions"]) == ["good"]
     assert "no joints" in result.json["failures"][0]["where"]
     assert dest.exists()
+
+
+def test_recordings_of_one_name_are_called_by_their_paths(
+    processed: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    work, dest = tmp_path / "work", tmp_path / "f.parquet"
+    for copy in ("a/one", "b/one", "b/two"):
+        shutil.copytree(processed, work / copy)
+    sources = (work, work / "b" / "one")  # one of them is named twice
+    result = ecat("learn", "features", *sources, "--set", "ch5-network", "-o", dest, "--json")
+    assert result.code == 0, result.err
+    n = pq.read_table(dest).num_rows // 3
+    assert result.json["sessions"] == {"a/one": n, "b/one": n, "b/two": n}
+    assert set(pq.read_table(dest)["session"].to_pylist()) == set(result.json["sessions"])
+
+
+def test_exports_of_one_name_are_called_by_their_paths(tmp_path: Path, ecat: Ecat) -> None:
+    exports, dest = tmp_path / "ex", tmp_path / "f.parquet"
+    for folder in ("a", "b/c"):
+        made.write(exports / folder / "push.to.txt", made.session("one", made.scene(1), []))
+    made.write(exports / "alone.txt", made.session("one", made.scene(1), []))
+    result = ecat("learn", "features", exports, "--set", "ch4-raw", "-o", dest, "--json")
+    assert result.code == 0, result.err
+    assert set(result.json["sessions"]) == {"a/push.to/one", "b/c/push.to/one", "alone/one"}
+
+
+def test_two_recordings_of_one_name_in_one_export_are_refused(tmp_path: Path, ecat: Ecat) -> None:
+    export, dest = tmp_path / "push.txt", tmp_path / "f.parquet"
+    made.write(export, *(made.session("one", made.scene(box), []) for box in (1, 2)))
+    result = ecat("learn", "features", export, "--set", "ch4-raw", "-o", dest, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "InputError")
+    assert "push/one" in result.json["error"]["where"]
+    assert not dest.exists()
+
+
+def test_an_error_names_its_recording(tmp_path: Path, ecat: Ecat) -> None:
+    bad, gap = made.scene(1), made.scene(2)
+    bad[:, 17:] = np.nan
+    gap[7, 11] = np.nan
+    scenes = {"good": made.scene(1), "bad": bad, "gap": gap}
+    export = made.write(tmp_path / "ex.txt", *(made.session(name, one, []) for name, one in scenes.items()))
+    for name, words in (("ch4-qsr", {"ex/bad", "ex/gap"}), ("ch5-network", {"ex/bad"})):
+        call = ("learn", "features", export, "--set", name, "--fit", tmp_path / f"{name}.json")
+        result = ecat(*call, "-o", tmp_path / f"{name}.parquet", "--json")
+        assert result.code == 1
+        said = [f"{one['what']} {one['where']}" for one in result.json["failures"]]
+        assert len(said) == len(words)
+        assert all(any(word in text for text in said) for word in words)
+    one_box = sessions.draft(markers_3d=sessions.only(sessions.SHELL))
+    wrong = sessions.make(tmp_path / "project" / "wrong", one_box, process=False).path
+    result = ecat("learn", "features", wrong, "--set", "ch5-network", "-o", tmp_path / "f.parquet", "--json")
+    assert result.code == 1
+    assert str(wrong) in result.json["error"]["where"]
+
+
+def test_a_transform_is_replaced_only_together_with_its_features(
+    exports: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    planes, dest = tmp_path / "planes.json", tmp_path / "f.parquet"
+    call = ("learn", "features", "--set", "ch4-pcas", "--fit", planes, "-o", dest)
+    assert ecat(*call, exports / "pushto.txt").code == 0
+    before = planes.read_bytes(), dest.read_bytes()
+    assert ecat(*call, exports / "deeper" / "pullpast.txt").code == 1
+    assert (planes.read_bytes(), dest.read_bytes()) == before
+    planes.write_text("mine", "utf-8")
+    dest.unlink()
+    assert ecat(*call, exports / "pushto.txt").code == 1
+    assert planes.read_text("utf-8") == "mine"
+    assert not dest.exists()
 
 
 @pytest.mark.parametrize(
@@ -114,7 +184,18 @@ def test_a_wrong_call_is_one_error_and_leaves_no_file(
     assert not dest.exists()
 
 
-def test_a_file_that_is_no_export_is_one_error(tmp_path: Path, ecat: Ecat) -> None:
+def test_other_files_beside_exports_are_left_out_and_named(exports: Path, tmp_path: Path, ecat: Ecat) -> None:
+    (exports / "README.txt").write_text("hello", "utf-8")
+    result = ecat("learn", "features", exports, "--set", "ch4-raw", "-o", tmp_path / "f.parquet", "--json")
+    assert result.code == 0, result.err
+    assert len(result.json["findings"]) == 1
+    assert "README.txt was left out" in result.json["findings"][0]
+
+
+@pytest.mark.parametrize(("named", "error"), [("", "NotFoundError"), ("notes.txt", "FormatError")])
+def test_a_file_that_is_no_export_is_one_error(named: str, error: str, tmp_path: Path, ecat: Ecat) -> None:
     (tmp_path / "notes.txt").write_text("hello", "utf-8")
-    result = ecat("learn", "features", tmp_path, "--set", "ch4-raw", "-o", tmp_path / "f.parquet", "--json")
-    assert (result.code, result.json["error"]["error"]) == (1, "FormatError")
+    source = tmp_path / named
+    result = ecat("learn", "features", source, "--set", "ch4-raw", "-o", tmp_path / "f.parquet", "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, error)
+    assert "notes.txt" in str(result.json["error"])

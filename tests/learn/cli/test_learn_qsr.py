@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -184,6 +182,20 @@ def test_what_is_not_known_is_null_and_counted(ecat: Ecat, tmp_path: Path) -> No
     assert pq.read_table(dest)["cardir"].to_pylist() == ["sw", None, None, "s"]
 
 
+def test_places_may_be_numbers_of_any_kind(ecat: Ecat, tmp_path: Path) -> None:
+    table = walks()
+    half = pa.array(table["x1"].to_numpy().astype(np.float16))
+    other = table.set_column(table.column_names.index("x1"), "x1", half)
+    other = other.set_column(other.column_names.index("y2"), "y2", table["y2"].cast(pa.float32()))
+    found: list[pa.Table] = []
+    for number, one in enumerate((table, other, other.take(pa.array(range(60)[::-1])))):
+        dest = tmp_path / f"{number}.parquet"
+        assert ecat("learn", "qsr", write(one, tmp_path), "--relation", "cardir", "-o", dest).code == 0
+        found.append(pq.read_table(dest))
+    assert found[0].equals(found[1])
+    assert found[0].equals(found[2])
+
+
 def test_movement_of_another_object(ecat: Ecat, tmp_path: Path) -> None:
     table = pa.table({"track": [0, 0], "frame": [0, 1], "x2": [0, 1], "y2": [0, 0]})
     dest = tmp_path / "out.parquet"
@@ -265,104 +277,6 @@ def test_parameters_that_make_no_sense(ecat: Ecat, tmp_path: Path, options: list
     assert words in result.err
     assert "try: " in result.err
     assert not dest.exists()
-
-
-def replaced(name: str, values: Any) -> Callable[[Path], None]:
-    def make(path: Path) -> None:
-        table = walks()
-        pq.write_table(table.set_column(table.schema.get_field_index(name), name, values), path)
-
-    return make
-
-
-def changed(name: str, row: int, value: Any) -> Callable[[Path], None]:
-    values = walks()[name].to_pylist()
-    values[row] = value
-    return replaced(name, pa.array(values))
-
-
-def truncated(path: Path) -> None:
-    pq.write_table(walks(), path)
-    path.write_bytes(path.read_bytes()[:-200])
-
-
-def damaged(path: Path) -> None:
-    pq.write_table(walks(100, 100), path, compression="snappy")
-    data = bytearray(path.read_bytes())
-    data[100:4000] = bytes(3900)
-    path.write_bytes(data)
-
-
-def twice_apart(path: Path) -> None:
-    table = walks()
-    pq.write_table(pa.concat_tables([table, table.slice(5, 1)]), path)
-
-
-def twice_named(path: Path) -> None:
-    table = walks()
-    pq.write_table(table.append_column("x1", table["x1"]), path)
-
-
-HOSTILE: dict[str, tuple[Callable[[Path], object], str]] = {
-    "nothing there": (lambda _: None, "NotFoundError"),
-    "a folder": (Path.mkdir, "FormatError"),
-    "a pipe": (os.mkfifo, "FormatError"),
-    "an empty file": (Path.touch, "FormatError"),
-    "text": (lambda path: path.write_text("track,frame\n1,2\n"), "FormatError"),
-    "truncated": (truncated, "FormatError"),
-    "damaged": (damaged, "FormatError"),
-    "no rows": (lambda path: pq.write_table(walks().slice(0, 0), path), "InputError"),
-    "no columns": (lambda path: pq.write_table(pa.table({"a": [1]}), path), "SchemaError"),
-    "no frame": (lambda path: pq.write_table(walks().drop_columns(["frame"]), path), "SchemaError"),
-    "no x2": (lambda path: pq.write_table(walks().drop_columns(["x2"]), path), "SchemaError"),
-    "two x1": (twice_named, "SchemaError"),
-    "text for numbers": (replaced("x1", pa.array(["a"] * 60)), "SchemaError"),
-    "lists": (replaced("y2", pa.array([[1.0]] * 60)), "SchemaError"),
-    "fractions for tracks": (replaced("track", pa.array([0.5] * 60)), "SchemaError"),
-    "a track is null": (changed("track", 7, None), "InputError"),
-    "a frame is null": (changed("frame", 7, None), "InputError"),
-    "infinite": (changed("x1", 7, math.inf), "InputError"),
-    "minus infinite": (changed("y2", 7, -math.inf), "InputError"),
-    "absurdly far": (changed("y2", 7, 1e300), "InputError"),
-    "a negative size": (changed("w1", 7, -1), "InputError"),
-    "twice in a row": (changed("frame", 7, 6), "InputError"),
-    "twice apart": (twice_apart, "InputError"),
-}
-
-
-@pytest.mark.parametrize("what", HOSTILE)
-def test_bad_input_is_one_error_that_says_where(ecat: Ecat, tmp_path: Path, what: str) -> None:
-    make, kind = HOSTILE[what]
-    source, dest = tmp_path / "bad.parquet", tmp_path / "out.parquet"
-    make(source)
-    result = ecat("learn", "qsr", source, "--relation", "rcc8", "-o", dest, "--json")
-    assert result.code == 1
-    error = result.json["error"]
-    assert error["error"] == kind
-    assert "bad.parquet" in error["what"] + error["where"]
-    assert error["consequence"]
-    assert error["fix"]
-    assert not dest.exists()
-    assert not list(tmp_path.glob("*.partial"))
-
-
-def test_an_error_about_a_row_names_track_frame_and_column(ecat: Ecat, tmp_path: Path) -> None:
-    source = tmp_path / "bad.parquet"
-    changed("y2", 47, math.inf)(source)
-    result = ecat("learn", "qsr", source, "--relation", "cardir", "-o", tmp_path / "out.parquet")
-    assert "track 2, frame 7: y2 is inf" in result.err
-
-
-def test_more_rows_than_can_be_ordered_are_refused(
-    ecat: Ecat, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(rows, "MOST_UNORDERED", 50)
-    dest, ordered = tmp_path / "out.parquet", write(walks(), tmp_path)
-    assert ecat("learn", "qsr", ordered, "--relation", "cardir", "-o", dest).code == 0
-    dest.unlink()
-    shuffled = write(walks().take(pa.array(range(60)[::-1])), tmp_path)
-    result = ecat("learn", "qsr", shuffled, "--relation", "cardir", "-o", dest, "--json")
-    assert result.json["error"]["error"] == "LimitError"
 
 
 def test_what_is_there_is_not_overwritten(ecat: Ecat, tmp_path: Path) -> None:

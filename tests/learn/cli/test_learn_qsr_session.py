@@ -6,7 +6,9 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
@@ -82,6 +84,24 @@ def test_stretches_of_equal_values_are_intervals_and_unknown_ones_part_them(sess
     assert found[0].start_ns == 0
 
 
+def test_what_holds_does_not_hold_in_frames_that_are_not_in_the_track(session: Session) -> None:
+    track = qsr.qualitative_tracks(session, "cardir", of=[(SHELL, STELLA)]).slice(0, 30)
+    place = track.column_names.index("value")
+    track = track.set_column(place, "value", pa.array(["n"] * 30).dictionary_encode())
+    sparse = track.filter((pc.field("frame") < 7) | (pc.field("frame") >= 20))
+    found = relations_of(session, sparse)
+    assert [(one.start_frame, one.end_frame) for one in found] == [(0, 7), (20, 30)]
+
+
+def test_where_the_clock_goes_back_a_relation_has_frames_and_no_times(tmp_path: Path) -> None:
+    draft = sessions.draft()
+    t_ns = np.arange(draft.manifest.n_frames or 0)[::-1] * 33_000_000
+    session = sessions.make(tmp_path / "s", sessions.with_times(draft, t_ns))
+    found = relations_of(session, qsr.qualitative_tracks(session, "cardir"))
+    assert (None, None) in {(one.start_ns, one.end_ns) for one in found}
+    assert all(one.start_ns is None or one.end_ns is None or one.start_ns < one.end_ns for one in found)
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -90,6 +110,7 @@ def test_stretches_of_equal_values_are_intervals_and_unknown_ones_part_them(sess
         ("--least", "3", "-o", "OUT"),
         ("--of", "Shell", "--propose"),
         ("--of", "Shell,Pilsner", "--propose"),
+        ("--of", "Shell,o2", "--propose"),
         ("--object", "1", "--propose"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -177,3 +178,90 @@ def test_an_option_that_a_model_has_no_use_for_is_refused(
     assert (result.code, result.json["error"]["error"]) == (2, "UsageError")
     assert option in result.json["error"]["where"]
     assert not run.exists()
+
+
+def unfinished(run: Path) -> None:
+    """As if training had been interrupted when its model was being written."""
+    (run / "config.json").unlink()
+    for part in (run, run / "trees", run / "neural"):
+        (part / "metrics.json").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("said", [FEW, ("--trees", 2, "--epochs", 1, "--hidden", 8)])
+def test_a_run_that_was_interrupted_while_it_was_written_is_finished(
+    said: tuple[object, ...], tmp_path: Path, ecat: Ecat
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    command = (
+        "learn",
+        "recognize",
+        "train",
+        made.exports(tmp_path / "exports", 2),
+        "--run",
+        tmp_path / "run",
+    )
+    assert ecat(*command, *said).code == 0
+    unfinished(tmp_path / "run")
+    assert ecat(*command, *said).code == 0
+    found = ecat("learn", "recognize", "evaluate", tmp_path / "exports", "--run", tmp_path / "run")
+    assert found.code == 0, found.err
+
+
+def test_a_run_of_its_own_is_not_taken_for_a_part(tmp_path: Path, ecat: Ecat) -> None:
+    source, run = made.exports(tmp_path / "exports", 2), tmp_path / "run"
+    assert ecat("learn", "recognize", "train", source, "--run", run / "trees", *FEW).code == 0
+    result = ecat("learn", "recognize", "train", source, "--run", run, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "ExistsError")
+    assert "trees" in result.json["error"]["where"]
+
+
+@pytest.mark.parametrize("verb", ["train", "crossval"])
+@pytest.mark.parametrize("place", ["file", "file/run", "run"])
+def test_a_place_that_is_taken_is_told_before_anything_is_read(
+    verb: str, place: str, tmp_path: Path, ecat: Ecat
+) -> None:
+    (tmp_path / "file").write_text("mine", "utf-8")
+    (tmp_path / "run").mkdir()
+    for name in ("metrics.json", "crossval.json"):
+        (tmp_path / "run" / name).write_text("mine", "utf-8")
+    result = ecat("learn", "recognize", verb, tmp_path / "no exports", "--run", tmp_path / place, "--json")
+    assert result.code == 1
+    assert "no exports" not in json.dumps(result.json["error"])
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "run"}
+
+
+def test_without_pictures_nothing_that_was_computed_is_lost(
+    tmp_path: Path, ecat: Ecat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)
+    source, run = made.exports(tmp_path / "exports", 10), tmp_path / "run"
+    small = ("--model", "mlp", "--epochs", 1, "--hidden", 4, "--validation", 0.4)
+    trained = ecat("learn", "recognize", "train", source, "--run", run, *small, "--json")
+    evaluated = ecat("learn", "recognize", "evaluate", source, "--run", run, "--json")
+    validated = ecat(
+        "learn", "recognize", "crossval", source, "--run", run, "--model", "trees", "--trees", 1, "--json"
+    )
+    for result in (trained, evaluated, validated):
+        assert result.code == 0, result.err
+        assert "Matplotlib is not installed" in result.json["findings"][0]
+    files = {path.name for path in run.iterdir()}
+    assert files >= {"metrics.json", "evaluation.json", "crossval.json", "limits.json", "predictions.parquet"}
+    assert "checkpoint.npz" not in files
+    assert "validation_scores" in json.loads((run / "metrics.json").read_text("utf-8"))
+    assert len(list((run / "folds").glob("trees-*.npz"))) == 5
+
+
+@pytest.mark.parametrize("model", ["trees", "mixture"])
+def test_where_nothing_happens_nothing_is_learned(model: str, tmp_path: Path, ecat: Ecat) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    nothing = ["None,None,None,None,None"] * 6
+    sessions = [made.session(f"a{number}", made.scene(number), nothing) for number in (1, 2)]
+    source = made.write(tmp_path / "exports/a.txt", *sessions).parent
+    result = ecat(
+        "learn", "recognize", "train", source, "--run", tmp_path / "run", "--model", model, "--json"
+    )
+    assert (result.code, result.json["error"]["error"]) == (1, "InputError")
+    assert "moves" in result.json["error"]["where"]
+    assert not (tmp_path / "run").exists()

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ecat.model import AnnotatedObject
+from ecat.model import AnnotatedObject, Stream
 from ecat.process import process_session
 from ecat.sample import sample_session
 from ecat.store import Draft, Session, TableData, create_session, open_session
+from ecat.tables import FRAMES
 
 SHELL, STELLA = "o2", "o3"
 Change = Callable[[pa.Table], pa.Table]
@@ -39,6 +41,22 @@ def make(folder: Path, made: Draft, *, process: bool = True) -> Session:
 
 def without(made: Draft, *names: str) -> Draft:
     return replace(made, tables={name: table for name, table in made.tables.items() if name not in names})
+
+
+def with_times(made: Draft, t_ns: np.ndarray[Any, np.dtype[np.int64]], lost: Collection[int] = ()) -> Draft:
+    """Its images were recorded at these times, but for those that are lost."""
+    video = Stream(name="color", kind="color", file="media/color.mp4", present=False, n_frames=len(t_ns))
+    rows = [
+        dict.fromkeys(FRAMES.arrow.names) | {"stream": "color", "frame": frame, "t_ns": time}
+        for frame, time in enumerate(t_ns.tolist())
+        if frame not in lost
+    ]
+    clock = replace(made.manifest.clock, rule="recorded")
+    return replace(
+        made,
+        manifest=replace(made.manifest, streams=(video,), clock=clock),
+        tables={**made.tables, "frames": TableData(data=pa.Table.from_pylist(rows, schema=FRAMES.arrow))},
+    )
 
 
 def only(object_id: str) -> Change:

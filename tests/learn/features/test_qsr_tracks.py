@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 
 from ecat.errors import NotFoundError, UsageError
 from ecat.sample import sample_session
-from ecat.store import Session, TableData, create_session
+from ecat.store import Session, TableData, create_session, open_session
 from ecat.tables import POSES
 from learn.features import qsr
 
@@ -88,6 +91,55 @@ def test_sizes_are_those_of_the_rectangle_around_a_turned_box(session: Session) 
     sizes = dict.fromkeys("abc", (0.1, 0.1, 0.1))
     assert values(qsr.qualitative_tracks(session, "rcc8", of=[("b", "c")], sizes_m=sizes))[0] == "ntpp"
     assert values(qsr.qualitative_tracks(session, "rcc8", of=[("b", "c")]))[0] == "eq"
+
+
+def changed(session: Session, folder: Path, poses: pa.Table) -> Session:
+    copy = Path(shutil.copytree(session.path, folder))
+    with open_session(copy).write() as commit:
+        commit.put_table("poses", TableData(data=poses))
+    return open_session(copy)
+
+
+def test_movement_is_not_known_across_frames_that_have_no_poses(session: Session, tmp_path: Path) -> None:
+    poses = session.table("poses").to_arrow()
+    sparse = changed(session, tmp_path / "s", poses.filter(pc.field("frame") != 2))
+    track = qsr.qualitative_tracks(sparse, "mos", of=[("a",)], threshold=0.01)
+    assert track["frame"].to_pylist() == [1, 3, 4, 5]
+    assert values(track) == ["m", None, "m", "m"]
+
+
+def test_poses_that_are_nowhere_or_turned_in_no_way_are_not_known(session: Session, tmp_path: Path) -> None:
+    table = session.table("poses").to_arrow()
+    for row, (column, value) in enumerate([("x", 1e30), ("qw", 0.0)]):
+        values_ = table[column].to_pylist()
+        values_[3 * row] = value  # of a, in the frames 0 and 1
+        at = table.column_names.index(column)
+        table = table.set_column(at, table.schema.field(at), pa.array(values_, table.schema.field(at).type))
+    far = changed(session, tmp_path / "s", table)
+    sizes = dict.fromkeys("abc", (0.1, 0.1, 0.1))
+    track = qsr.qualitative_tracks(far, "rcc8", of=[("a", "c")], sizes_m=sizes)
+    assert [value is None for value in values(track)] == [True, True] + [False] * (N - 2)
+
+
+def test_a_track_that_is_asked_for_twice_is_there_once(session: Session) -> None:
+    assert qsr.qualitative_tracks(session, "cardir", of=[("a", "b")] * 2).num_rows == N
+
+
+@pytest.mark.parametrize(
+    ("name", "ids", "said"),
+    [
+        ("cardir", ("a", "a"), "two objects, not the same"),
+        ("mos", ("a", "b"), "one object"),
+        ("cardir", (), "two"),
+    ],
+)
+def test_a_relation_is_of_as_many_objects_as_it_has(
+    session: Session, name: str, ids: tuple[str, ...], said: str
+) -> None:
+    with pytest.raises(UsageError, match=" and ".join(ids) or "nothing") as error:
+        qsr.qualitative_tracks(session, name, of=[ids])
+    assert said in error.value.where
+    assert "[" not in str(error.value)
 
 
 def test_what_is_not_there_is_said(session: Session, empty: Session) -> None:

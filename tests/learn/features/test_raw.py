@@ -69,6 +69,25 @@ def test_what_was_not_seen_is_where_it_was_last(lost: float, windows: Floats) ->
     np.testing.assert_allclose(found, expected, atol=0.05)
 
 
+@pytest.mark.parametrize("box", [0, 1])
+def test_a_marker_with_three_corners_in_one_place_was_lost(box: int, windows: Floats) -> None:
+    """As it is written for dozens of frames: the box has not jumped there, it is where it was seen last."""
+    flat, expected = windows.copy(), windows.copy()
+    corners = slice(13 + 4 * box, 17 + 4 * box)
+    flat[:, 8:14, corners] = [0.6, -0.2, 1.6]
+    flat[:, 8:14, corners.start] = np.nan
+    expected[:, 8:14, corners] = expected[:, 7:8, corners]
+    np.testing.assert_allclose(raw_channels(flat, TABLE), raw_channels(expected, TABLE), atol=1e-6)
+
+
+def test_two_corners_in_one_place_are_seen(windows: Floats) -> None:
+    windows[:, 8, 14] = windows[:, 8, 13]
+    gone = windows.copy()
+    gone[:, 8, 13:17] = np.nan
+    found, without = raw_channels(windows, TABLE), raw_channels(gone, TABLE)
+    assert np.abs(found - without).max() > 1e-4
+
+
 def test_what_was_never_seen_is_still_a_number(windows: Floats) -> None:
     windows[:, :, :13] = np.nan
     windows[:, :, 17:] = -1.0

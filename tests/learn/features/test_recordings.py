@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ecat.errors import InputError, UsageError
 from ecat.geometry.transforms import Rigid
 from ecat.process import process_session
-from ecat.store import Session, open_session
+from ecat.store import Session, TableData, open_session
 from learn.features.points import JOINTS, KINECT_FROM_CAMERA
-from learn.features.recordings import Recording, read_export, read_session
+from learn.features.recordings import (
+    Recording,
+    _times,  # pyright: ignore[reportPrivateUsage]
+    read_export,
+    read_session,
+)
 from learn.features.windows import fit_table
 from tests.learn.features import sessions
 from tests.learn.features.sessions import SHELL, STELLA
@@ -119,6 +127,108 @@ def test_of_several_markers_the_one_is_taken_of_which_most_is_known_then_the_lar
     assert found.points[0, 13:17] == pytest.approx(largest)
     assert np.isnan(found.points[0, 17:21]).any(axis=1).tolist() == [False, False, True, False]
     assert np.isnan(found.points[1:, 13:]).all()
+
+
+FPS_15 = np.arange(sessions.draft().manifest.n_frames or 0, dtype=np.int64) * 66_666_667
+"""Nanoseconds of the frames of a session."""
+
+
+def with_times(folder: Path, t_ns: np.ndarray[tuple[int, ...], np.dtype[np.int64]], *lost: int) -> Recording:
+    """Of a session whose images were recorded at these times; of some it is not known."""
+    return read_session(
+        sessions.make(folder, sessions.with_times(sessions.draft(), t_ns, lost), process=False)
+    )
+
+
+@pytest.mark.parametrize(
+    "lost", [(50,), (0, 1, 2), (178, 179), tuple(range(1, 180, 2)), tuple(range(2, 180))]
+)
+def test_frames_without_a_time_take_it_from_the_others_and_that_is_told(
+    lost: tuple[int, ...], tmp_path: Path
+) -> None:
+    found = with_times(tmp_path / "s", FPS_15, *lost)
+    assert found.t_s == pytest.approx(FPS_15 / 1e9)
+    assert any(f"{len(lost)} of {len(FPS_15)} frames have no time" in said for said in found.findings)
+
+
+@pytest.mark.parametrize(("place", "t_ns"), [(60, int(FPS_15[10])), (179, 0), (0, 10**17)])
+def test_a_time_out_of_order_is_none(place: int, t_ns: int, tmp_path: Path) -> None:
+    wrong = FPS_15.copy()
+    wrong[place] = t_ns
+    found = with_times(tmp_path / "s", wrong)
+    assert found.t_s == pytest.approx(FPS_15 / 1e9)
+    assert any("1 of 180 frames have no time, or one out of order" in said for said in found.findings)
+
+
+@pytest.mark.parametrize(
+    ("t_ns", "lost"),
+    [(FPS_15[::-1], ()), (0 * FPS_15, ()), (FPS_15 % FPS_15[90], ()), (FPS_15, tuple(range(1, 180)))],
+    ids=["descending", "all the same", "begins anew", "one"],
+)
+def test_a_clock_that_is_mostly_out_of_order_is_not_used_and_that_is_told(
+    t_ns: np.ndarray[tuple[int, ...], np.dtype[np.int64]], lost: tuple[int, ...], tmp_path: Path
+) -> None:
+    found = with_times(tmp_path / "s", t_ns, *lost)
+    assert found.t_s is None
+    assert any("its clock is not used" in said for said in found.findings)
+
+
+@given(st.lists(st.integers(0, 30), max_size=40), st.lists(st.booleans(), min_size=40, max_size=40))
+def test_times_ascend_whatever_they_were(times: list[int], known: list[bool]) -> None:
+    t_s = np.where(known[: len(times)], np.array(times, np.float64), np.nan)
+    found, told = _times(t_s)
+    assert found is None or len(told) == (not np.array_equal(found, t_s))
+    if found is not None:
+        assert found.shape == t_s.shape
+        assert (np.diff(found) > 0).all()
+        assert 2 * np.count_nonzero(found == t_s) > np.count_nonzero(np.isfinite(t_s)) - 1
+
+
+@pytest.mark.parametrize("table", ["joints", "markers_3d", "poses"])
+def test_what_is_said_to_be_farther_away_than_anything_is_not_known(
+    table: str, session: Session, recording: Recording, tmp_path: Path
+) -> None:
+    data = session.table(table).to_arrow()
+    wrong = np.arange(data.num_rows) % 3 == 0
+    for name in data.column_names:
+        if name[0] == "x":
+            place, kind = data.column_names.index(name), data.schema.field(name).type
+            values = np.where(wrong, 1e30, data[name].to_numpy())
+            data = data.set_column(place, data.schema.field(name), pa.array(values, kind, from_pandas=True))
+    copy = Path(shutil.copytree(session.path, tmp_path / "s"))
+    with open_session(copy).write() as commit:
+        commit.put_table(table, TableData(data=data))
+    found = read_session(open_session(copy))
+    assert not (np.abs(found.points) > 1e6).any()
+    assert found.tracks is not None
+    assert recording.tracks is not None
+    assert found.tracks == pytest.approx(recording.tracks, abs=0.05)
+    if table != "poses":
+        assert sessions.known(found.points) < sessions.known(recording.points)
+
+
+def test_boxes_whose_poses_are_not_known_are_where_their_markers_are(
+    session: Session, recording: Recording, tmp_path: Path
+) -> None:
+    poses = session.table("poses").to_arrow()
+    for name in ("qx", "qy", "qz", "qw"):  # turned in no way
+        place, field = poses.column_names.index(name), poses.schema.field(name)
+        poses = poses.set_column(place, field, pa.array(np.zeros(poses.num_rows), field.type))
+    copy = Path(shutil.copytree(session.path, tmp_path / "s"))
+    with open_session(copy).write() as commit:
+        commit.put_table("poses", TableData(data=poses))
+    found = read_session(open_session(copy))
+    assert found.tracks is None
+    assert found.objects == recording.objects
+    assert np.array_equal(found.points, recording.points, equal_nan=True)
+
+
+def test_points_of_an_export_that_are_farther_away_than_anything_are_not_known(tmp_path: Path) -> None:
+    points = made.scene(1)
+    points[7, 3] = 1e30
+    (found,) = read_export(made.write(tmp_path / "x.txt", made.session("one", points, [])))
+    assert np.isnan(found.points[7, 3]).all()
+    assert sessions.known(found.points) == pytest.approx(1 - 1 / (21 * len(points)))
 
 
 def test_a_session_without_skeleton_says_so(tmp_path: Path) -> None:

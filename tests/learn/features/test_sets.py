@@ -179,6 +179,7 @@ def test_a_transform_survives_its_file(kind: str, tmp_path: Path) -> None:
         b'{"transform": "table", "version": 1}',
         b'{"transform": "table", "version": 1, "slope": "x", "height": 1}',
         b'{"transform": "table", "version": 1, "slope": NaN, "height": 1}',
+        b'{"transform": "table", "version": 1, "slope": 1e308, "height": 1}',
         b'{"transform": ["table"], "version": 1, "slope": 0, "height": 1}',
         b'{"transform": "pca", "version": 1, "inter": {"mean": [1], "components": []}}',
         b"[" * 100_000,

@@ -11,6 +11,7 @@ from learn.features.windows import (
     Table,
     fit_table,
     mirror,
+    session_features,
     window_features,
     windows_of,
 )
@@ -68,3 +69,11 @@ def test_a_mirror_twice_and_an_exchange_twice_change_nothing() -> None:
 def test_windows_are_independent_of_each_other() -> None:
     windows = windows_of(POINTS)
     np.testing.assert_array_equal(window_features(windows, TABLE)[2:3], window_features(windows[2:3], TABLE))
+
+
+def test_of_a_session_means_and_deviations_of_its_windows_are_told() -> None:
+    features = np.random.default_rng(2).normal(100, 1, (7, 3)).astype(np.float32)
+    found = session_features(features, [4, 1, 2])
+    for row, part in zip(found, np.split(features, [4, 5]), strict=True):
+        np.testing.assert_allclose(row, np.r_[part.mean(axis=0), part.std(axis=0)], atol=1e-4)
+    assert session_features(features[:0], []).shape == (0, 6)

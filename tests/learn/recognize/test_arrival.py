@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ecat.errors import CorruptError
 from learn.features.journey import journey_features
 from learn.features.windows import Table
-from learn.recognize.arrival import Shares, arrival_width, arrived, grow
+from learn.recognize.arrival import arrival_width, arrived, grow_arrival
 from learn.recognize.dataset import LabelledSession, read_exports
+from learn.recognize.forest import Forest
 from tests.learn.recognize import made
 
 TABLE = Table(made.SLOPE, made.HEIGHT)
@@ -24,14 +23,14 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> list[LabelledSession]:
 
 
 @pytest.fixture(scope="module")
-def trees(sessions: list[LabelledSession]) -> Shares:
-    grown = grow(sessions[:3] + sessions[5:], TABLE, seed=0)
+def trees(sessions: list[LabelledSession]) -> Forest:
+    grown = grow_arrival(sessions[:3] + sessions[5:], TABLE, seed=0)
     assert grown is not None
     return grown
 
 
 def test_sessions_that_were_not_seen_arrive_when_they_do(
-    trees: Shares, sessions: list[LabelledSession]
+    trees: Forest, sessions: list[LabelledSession]
 ) -> None:
     for session in sessions[3:5]:
         related = session.labels[:, 4] > 0
@@ -41,7 +40,7 @@ def test_sessions_that_were_not_seen_arrive_when_they_do(
         assert share[related].min() > 0.5 > share[~related].max()
 
 
-def test_each_label_is_asked_about_by_itself(trees: Shares, sessions: list[LabelledSession]) -> None:
+def test_each_label_is_asked_about_by_itself(trees: Forest, sessions: list[LabelledSession]) -> None:
     journeys = journey_features(sessions[3].points, TABLE)
     labels = np.stack([session.labels[-1] for session in sessions[2:6]])
     together = arrived(trees, [journeys], [labels])[0]
@@ -49,7 +48,7 @@ def test_each_label_is_asked_about_by_itself(trees: Shares, sessions: list[Label
     np.testing.assert_array_equal(together, np.stack(apart, axis=1))
 
 
-def test_sessions_are_asked_about_together(trees: Shares, sessions: list[LabelledSession]) -> None:
+def test_sessions_are_asked_about_together(trees: Forest, sessions: list[LabelledSession]) -> None:
     journeys = [journey_features(session.points, TABLE) for session in sessions[:3]]
     labels = [
         sessions[0].labels[-1:],
@@ -63,31 +62,15 @@ def test_sessions_are_asked_about_together(trees: Shares, sessions: list[Labelle
 
 
 def test_the_same_seed_grows_the_same_trees(sessions: list[LabelledSession]) -> None:
-    grown = [grow(sessions, TABLE, seed) for seed in (1, 1, 2)]
+    grown = [grow_arrival(sessions, TABLE, seed) for seed in (1, 1, 2)]
     kept = [None if one is None else one.value.tolist() for one in grown]
     assert kept[0] == kept[1] != kept[2]
 
 
 def test_sessions_that_never_arrive_teach_nothing(sessions: list[LabelledSession]) -> None:
     bare = [replace(one, labels=one.labels * [1, 1, 0, 1, 0]) for one in sessions]
-    assert grow(bare, TABLE, seed=0) is None
+    assert grow_arrival(bare, TABLE, seed=0) is None
 
 
-def test_they_see_as_many_features_as_there_are(trees: Shares) -> None:
+def test_they_see_as_many_features_as_there_are(trees: Forest) -> None:
     assert trees.shape.tolist() == [arrival_width(), 1]
-
-
-def test_they_are_read_as_they_were_written(trees: Shares, tmp_path: Path) -> None:
-    np.savez(tmp_path / "t.npz", allow_pickle=False, **trees.arrays("t"))
-    with np.load(tmp_path / "t.npz") as arrays:
-        again = Shares.of_arrays(arrays, "t")
-    rows = np.random.default_rng(0).normal(size=(20, int(trees.shape[0]))).astype(np.float32)
-    np.testing.assert_array_equal(again.predict(rows), trees.predict(rows))
-
-
-@pytest.mark.parametrize("wrong", [-0.1, 1.1, np.nan])
-def test_what_is_no_probability_is_refused(wrong: float, trees: Shares) -> None:
-    arrays = trees.arrays("t")
-    arrays["t.value"] = np.where(np.arange(len(trees.value)) == 5, wrong, trees.value)
-    with pytest.raises(CorruptError):
-        Shares.of_arrays(arrays, "t")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from ecat.progress import Progress
 from learn.recognize.crossval import Split, cross_validate_model, in_order, kept_or, splits_of
 from learn.recognize.dataset import LabelledSession, read_exports
 from learn.recognize.evaluation import Predicted
-from learn.recognize.runs import Options
+from learn.recognize.runs import Options, train
 from tests.learn.recognize import made
 
 
@@ -81,3 +82,18 @@ def test_a_model_is_scored_over_seeds(sessions: list[LabelledSession], tmp_path:
     assert result["mean"]["windows"] == result["runs"]["0"]["windows"]["tuple"] > 0.8
     assert len(found.true) == 24 * 6
     assert len(list(tmp_path.glob("lds-random-*.npz"))) == 10
+
+
+def test_a_share_is_what_is_learned_from(
+    sessions: list[LabelledSession], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known: list[int] = []
+
+    def counted(name: str, some: list[LabelledSession], options: Options, **_: object) -> Any:
+        known.append(len(some))
+        return train("lds", some, options)
+
+    monkeypatch.setattr("learn.recognize.crossval.train", counted)
+    result, _ = cross_validate_model(sessions, "lds", "random", [Options()], share=0.25)
+    assert result["share"] == 0.25
+    assert 4 <= max(known) <= 8

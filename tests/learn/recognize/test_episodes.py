@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.errors import InputError
+from ecat.errors import CorruptError, InputError
 from ecat.geometry.transforms import Rigid
 from learn.features.recordings import Recording
 from learn.features.windows import Floats, Table, n_windows
@@ -167,14 +168,53 @@ def test_a_session_shorter_than_a_window_is_refused_with_its_length() -> None:
         assert f"{n} frames" in error.value.where
 
 
-def test_a_session_of_too_few_frames_per_second_is_refused_and_hours_without_any_are_not_filled() -> None:
+def test_a_session_of_too_few_frames_per_second_is_refused() -> None:
     with pytest.raises(InputError) as error:
         episodes(recording(made.scene(1), 5.0))
     assert "5.0 frames per second" in error.value.where
+
+
+def test_a_session_of_another_rate_whose_times_jump_by_years_is_refused_with_its_times() -> None:
     t_s = np.arange(made.N_FRAMES) / 60
     t_s[-1] = 1e9
-    (one,) = episodes(replace(recording(made.scene(1)), t_s=t_s))
-    assert len(one.points) == made.N_FRAMES
+    with pytest.raises(InputError) as error:
+        episodes(replace(recording(made.scene(1)), t_s=t_s))
+    assert "60.0 frames per second, from 0 to 1e+09 s" in error.value.where
+
+
+def test_a_session_that_is_too_short_at_the_usual_rate_is_refused_with_its_length_at_that() -> None:
+    with pytest.raises(InputError) as error:
+        episodes(recording(made.scene(1, n_frames=180), 10_000.0))
+    assert "it has 180 frames, a window 20" in error.value.where
+    assert "from 0 to 0.0179 s, they are 1 at 30 per second" in error.value.where
+
+
+def test_movements_at_the_ends_of_a_session_have_as_many_frames_as_a_window() -> None:
+    found = episodes(replace(recording(long(n=400)), moves=((0, 8), (200, 230), (393, 400))))
+    assert [(one.frame[0], one.frame[-1]) for one in found] == [(0, 20), (190, 240), (380, 400)]
+
+
+@given(st.integers(151, 400), st.data())
+def test_no_movement_is_left_out(n: int, data: st.DataObject) -> None:
+    start = data.draw(st.integers(0, n - 1))
+    end = data.draw(st.integers(start + 1, n))
+    (one,) = episodes(replace(recording(np.zeros((n, 21, 3))), moves=((start, end),)))
+    assert one.frame[0] <= start
+    assert one.frame[-1] >= end
+    assert len(one.points) >= 20
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_model_that_gives_no_probabilities_is_refused_by_name(wrong: float) -> None:
+    class Broken(Says):
+        def recognize(self, sessions: Sequence[Floats]) -> Recognized:
+            found = super().recognize(sessions)
+            found.context[2, 1] = wrong
+            return found
+
+    for run, said in ((Path("runs/first"), "model runs/first"), (None, "the model")):
+        with pytest.raises(CorruptError, match=said):
+            recognize(recording(made.scene(1)), Broken([1]), run=run)
 
 
 def test_what_was_never_seen_does_not_move() -> None:
@@ -183,3 +223,14 @@ def test_what_was_never_seen_does_not_move() -> None:
     points[:, :13] = np.nan
     (one,) = episodes(recording(points))
     assert isinstance(one, Episode)
+
+
+@pytest.mark.parametrize(("moving", "said"), [(0, 1), (1, None)])
+def test_a_box_that_rests_by_its_poses_is_not_the_one_that_is_moved(moving: int, said: int | None) -> None:
+    """Says pushes box 1, which only one of the two labels it knows besides nothing contradicts."""
+    points = long((100, 130), n=200)
+    tracks = np.zeros((2, 200, 3))
+    tracks[moving, :, 0] = 0.3 * np.clip((np.arange(200) - 100) / 30, 0, 1)
+    known = replace(recording(points), tracks=tracks, moves=((100, 130),))
+    found = recognize(known, Says([1]))
+    assert [action.words[1] for action in found] == ([] if said is None else ["Object_1"])

@@ -121,3 +121,23 @@ def test_what_is_proposed_for_a_session_is_one_action() -> None:
 def test_an_action_may_have_no_locative_in_the_vocabulary() -> None:
     assert of_one_action(VOCABULARY[[0, 1]], np.array([[0.7, 0.3], [0.2, 0.8]])).tolist() == [0, 1]
     assert of_one_action(VOCABULARY[[0]], np.ones((3, 1))).tolist() == [0, 0, 0]
+
+
+def test_a_session_as_a_whole_decides_between_actions_that_windows_leave_open() -> None:
+    undecided = np.array([[0.02, 0.4, 0.09, 0.4, 0.09], [0.02, 0.09, 0.4, 0.09, 0.4]])
+    ends = np.array([[0, 0, 0.3, 0, 0.7], [0, 0, 0.7, 0, 0.3]])
+    said = Grammar.of(VOCABULARY, HABITS).smooth([undecided] * 2, whole=ends)
+    assert [one.argmax(axis=1).tolist() for one in said] == [[3, 4], [1, 2]]
+
+
+def test_a_session_that_may_end_with_anything_is_told_by_its_windows() -> None:
+    probabilities = np.random.default_rng(6).dirichlet([0.5] * 5, 6)
+    grammar = Grammar.of(VOCABULARY, HABITS)
+    told = grammar.smooth([probabilities, probabilities[:0]], whole=np.full((2, 5), 0.2))
+    np.testing.assert_allclose(told[0], grammar.smooth([probabilities])[0], atol=1e-12)
+
+
+def test_an_action_without_a_locative_ends_with_its_verb() -> None:
+    grammar = Grammar.of(VOCABULARY[[0, 1, 3]], HABITS)
+    said = grammar.smooth([np.array([[0.1, 0.5, 0.4]] * 2)], whole=np.array([[0, 0.1, 0.9]]))[0]
+    assert said.argmax(axis=1).tolist() == [2, 2]

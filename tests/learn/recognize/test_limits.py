@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,22 @@ def test_errors_are_counted_by_slot() -> None:
     assert limits(said())["context"]["by_slot"]["wrong"] == 0
 
 
-def test_they_are_drawn(tmp_path: Path) -> None:
+def test_they_are_drawn(tmp_path: Path, drawn: list[Any]) -> None:
     draw_limits(said(), tmp_path / "limits.png")
     assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
+    assert drawn[0].get_suptitle() == "10 windows of 2 sessions"
+    left, right = drawn[0].axes
+    for axes in (left, right):
+        assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+            "windows alone",
+            "with the session",
+        ]
+    assert [label.get_text() for label in left.get_xticklabels()] == [
+        *"01234",
+        "5 or more",
+        "no change\nin the session",
+    ]
+    assert left.texts[0].get_text() == "1\nof 2"
+    assert [bar.get_height() for bar in left.patches[:5]] == [50, 0, 0, 0, 100]
+    assert "%" in left.get_ylabel()
+    assert right.texts[3].get_text() == "1"

@@ -12,7 +12,7 @@ import pytest
 from ecat.errors import CorruptError, InputError
 from learn.features.points import SWAP_POINTS
 from learn.recognize.dataset import LabelledSession, exchanged, read_exports
-from learn.recognize.evaluation import cross_validate, some_of, trained_on
+from learn.recognize.evaluation import some_of, trained_on
 from learn.recognize.model import Recognizer, Settings, load, save, train
 from tests.learn.recognize import made
 
@@ -36,6 +36,23 @@ def test_exchanged_boxes_are_recognised_as_that(
     found = recognizer.recognize(points)
     other = recognizer.recognize([part[:, SWAP_POINTS] for part in points])
     np.testing.assert_array_equal(exchanged(found.labels(found.alone)), other.labels(other.alone))
+
+
+def test_a_session_as_a_whole_tells_what_it_ends_with(
+    recognizer: Recognizer, sessions: list[LabelledSession]
+) -> None:
+    seen = recognizer.seen([session.points for session in sessions])
+    np.testing.assert_allclose(seen.sessions.sum(axis=1), 1)
+    ends = recognizer.vocabulary[seen.sessions.argmax(axis=1)]
+    assert ends[0].tolist() == sessions[0].labels[-1].tolist()  # of which nothing was learned
+
+
+def test_sessions_that_are_shorter_than_a_window_are_passed_over(
+    recognizer: Recognizer, sessions: list[LabelledSession]
+) -> None:
+    points = [session.points for session in sessions[:2]]
+    found = recognizer.recognize([points[0], points[0][:19], points[1], points[1][:0]])
+    np.testing.assert_array_equal(found.context, recognizer.recognize(points).context)
 
 
 def test_it_knows_what_it_was_trained_on(recognizer: Recognizer, sessions: list[LabelledSession]) -> None:
@@ -75,6 +92,16 @@ def test_a_config_of_another_model_is_refused(
         load(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["mover.left", "whole.relation.value", "arrival.value"])
+def test_trees_that_are_missing_are_refused(name: str, recognizer: Recognizer, tmp_path: Path) -> None:
+    save(recognizer, tmp_path)
+    with np.load(tmp_path / "model.npz") as kept:
+        arrays = {key: kept[key] for key in kept.files if key != name}
+    np.savez(tmp_path / "model.npz", allow_pickle=False, **arrays)
+    with pytest.raises(CorruptError):
+        load(tmp_path)
+
+
 def test_other_features_are_refused_by_name(recognizer: Recognizer, tmp_path: Path) -> None:
     save(recognizer, tmp_path)
     config = json.loads((tmp_path / "config.json").read_text("utf-8"))
@@ -88,20 +115,3 @@ def test_a_share_of_the_sessions_has_some_of_each_file(sessions: list[LabelledSe
     assert [one.file for one in some] == ["pullpast"] * 2 + ["pushto"] * 2
     assert some == some_of(sessions, 0.5, seed=1)
     assert some_of(sessions, 1.25, seed=1) == sessions
-
-
-def test_a_share_is_what_cross_validation_learns_from(
-    sessions: list[LabelledSession], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known: list[int] = []
-
-    def counted(some: list[LabelledSession], *_: object) -> Recognizer:
-        known.append(len(some))
-        return train(some, Settings(n_trees=1, n_models=1))
-
-    monkeypatch.setattr("learn.recognize.evaluation.train", counted)
-    monkeypatch.setattr("learn.recognize.evaluation.BASELINES", {})
-    monkeypatch.setattr("learn.recognize.evaluation.folds_of", lambda keys, _: np.arange(len(keys)) % 5)
-    result, _ = cross_validate(sessions, "random", share=0.25)
-    assert result["share"] == 0.25
-    assert max(known) <= 3

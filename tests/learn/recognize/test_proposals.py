@@ -38,6 +38,10 @@ def mine(session: Session) -> list[Event]:
     return [event for event in session.layer(MACHINE).events if event.author == AUTHOR]
 
 
+def counts(found: Replaced) -> tuple[int, int, int]:
+    return found.added, found.removed, found.kept
+
+
 def test_an_event_says_who_does_what_to_what_where_and_how_sure_that_is(session: Session) -> None:
     push, past, roll = events(session, PUSH, PAST, ROLL)
     assert (push.type, push.text) == ("push", "Performer 1 pushes Shell")
@@ -60,7 +64,7 @@ def test_an_event_says_who_does_what_to_what_where_and_how_sure_that_is(session:
 
 
 def test_proposals_are_listed_for_people_and_the_session_stays_whole(session: Session) -> None:
-    assert replace_proposals(session, AUTHOR, events(session, PUSH, PAST)) == Replaced(2, 0, 0)
+    assert counts(replace_proposals(session, AUTHOR, events(session, PUSH, PAST))) == (2, 0, 0)
     rows = proposals(open_session(session.path), "main")
     assert [(row["what"], row["frames"], row["confidence"]) for row in rows] == [
         ("Performer 1 pushes Shell", "40:60", "0.70"),
@@ -74,11 +78,11 @@ def test_proposals_are_listed_for_people_and_the_session_stays_whole(session: Se
 def test_a_second_call_replaces_the_first_with_new_names(session: Session) -> None:
     replace_proposals(session, AUTHOR, events(session, PUSH, PAST))
     before = {event.id for event in mine(session)}
-    assert replace_proposals(session, AUTHOR, events(session, ROLL)) == Replaced(1, 2, 0)
+    assert counts(replace_proposals(session, AUTHOR, events(session, ROLL))) == (1, 2, 0)
     (left,) = mine(session)
     assert left.type == "roll_from"
     assert left.id not in before
-    assert replace_proposals(session, AUTHOR) == Replaced(0, 1, 0)
+    assert counts(replace_proposals(session, AUTHOR)) == (0, 1, 0)
     assert mine(session) == []
 
 
@@ -112,7 +116,7 @@ def test_a_layer_is_a_persons_whatever_there_is_in_it(session: Session, what: st
 
 def test_nothing_to_change_changes_nothing(session: Session) -> None:
     revision = session.manifest.revision
-    assert replace_proposals(session, AUTHOR) == Replaced(0, 0, 0)
+    assert counts(replace_proposals(session, AUTHOR)) == (0, 0, 0)
     assert open_session(session.path).manifest.revision == revision
 
 
@@ -130,6 +134,18 @@ def test_what_others_proposed_and_what_people_said_stays(session: Session) -> No
     assert session.layer(MACHINE).events == theirs.events
 
 
+@pytest.mark.parametrize(("shift", "added"), [(1, 0), (40, 1)])
+def test_what_was_decided_is_not_proposed_again_some_frames_beside(
+    session: Session, shift: int, added: int
+) -> None:
+    replace_proposals(session, AUTHOR, events(session, PUSH))
+    rejected = Decision(proposal=f"{MACHINE}/{mine(session)[0].id}", verdict="rejected", author="ann")
+    with session.write() as commit:
+        commit.put_layer(replace(session.layer("main"), decisions=(rejected,)))
+    moved = replace(PUSH, start=PUSH.start + shift, end=PUSH.end + shift)
+    assert counts(replace_proposals(session, AUTHOR, events(session, moved))) == (added, 0, 1)
+
+
 def test_what_people_decided_about_stays_and_is_not_proposed_again(session: Session) -> None:
     replace_proposals(session, AUTHOR, events(session, PUSH, PAST))
     first, second = mine(session)
@@ -137,7 +153,7 @@ def test_what_people_decided_about_stays_and_is_not_proposed_again(session: Sess
     with session.write() as commit:
         commit.put_layer(replace(session.layer("main"), decisions=(rejected,)))
     found = replace_proposals(session, AUTHOR, events(session, PUSH, ROLL))
-    assert found == Replaced(1, 1, 1)
+    assert counts(found) == (1, 1, 1)
     assert mine(session)[0].id == first.id
     assert second.id not in {event.id for event in mine(session)}
     row = next(row for row in proposals(session, "main") if row["proposal"] == f"{MACHINE}/{first.id}")
@@ -168,7 +184,7 @@ def test_relations_of_one_author_are_replaced_apart_from_those_of_another(sessio
 
     assert replace_proposals(session, "a", relations=[relation("cardir=n")]).added == 1
     assert replace_proposals(session, "b", relations=[relation("mos=m")]).added == 1
-    assert replace_proposals(session, "a", relations=[relation("cardir=s")]) == Replaced(1, 1, 0)
+    assert counts(replace_proposals(session, "a", relations=[relation("cardir=s")])) == (1, 1, 0)
     layer = session.layer(MACHINE)
     assert {(one.author, one.predicate) for one in layer.relations} == {("b", "mos=m"), ("a", "cardir=s")}
     assert len({one.id for one in layer.relations}) == 2

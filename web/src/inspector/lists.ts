@@ -1,21 +1,25 @@
 // The lists of the inspector: objects, events, relations, proposals.  Only the rows in sight exist.
 
 import { trackedObjects } from "../actions";
-import { goTo, startOf } from "../navigate";
+import { goTo } from "../navigate";
+import { confidence, inOrder, type Order, ORDERS, origin } from "../proposals";
 import { span } from "../document";
 import { fill, h } from "../dom";
 import { holdsAt, intervals, type Stretches } from "../holding";
 import { swatch } from "../scheme";
 import { type App, type ElementKind, MACHINE, type Selected } from "../state";
-import type { AnnotatedObject } from "../types";
+import type { AnnotatedObject, EcatEvent, Relation } from "../types";
 import { relationForm, relationText } from "./relation";
 
 const ROW = 24;
+/** Height of a row with a note below its text. */
+export const NOTED_ROW = 40;
 
 export interface Row {
   selected: Selected;
-  /** Identifies the row's content for the filter. */
   text: string;
+  /** What stands small below the text; the filter looks at both. */
+  note?: string;
   at: string;
   color?: string;
   style?: string;
@@ -28,7 +32,7 @@ export interface ListPanel {
 }
 
 /** A list with a filter; `rows` is called when the layer changes, not when the list is scrolled. */
-export function createList(app: App, label: string, rows: () => Row[], tools: () => (HTMLElement | null)[]): ListPanel {
+export function createList(app: App, label: string, rows: () => Row[], tools: () => (HTMLElement | null)[], height = ROW): ListPanel {
   const filter = h("input.input", { type: "search", placeholder: `Find in ${label.toLowerCase()}`, "aria-label": `Find in ${label.toLowerCase()}`, "data-testid": `find-${label.toLowerCase()}` });
   const space = h("div.list-space");
   const list = h("div.list", { role: "listbox", "aria-label": label, tabindex: 0, "data-testid": `list-${label.toLowerCase()}` }, space);
@@ -37,17 +41,17 @@ export function createList(app: App, label: string, rows: () => Row[], tools: ()
   let shown: Row[] = [];
 
   const draw = (): void => {
-    const first = Math.max(0, Math.floor(list.scrollTop / ROW) - 4);
-    const last = Math.min(shown.length, Math.ceil((list.scrollTop + (list.clientHeight || 400)) / ROW) + 4);
-    space.style.height = `${shown.length * ROW}px`;
-    space.replaceChildren(...shown.slice(first, last).map((row, i) => rowElement(app, row, (first + i) * ROW)));
+    const first = Math.max(0, Math.floor(list.scrollTop / height) - 4);
+    const last = Math.min(shown.length, Math.ceil((list.scrollTop + (list.clientHeight || 400)) / height) + 4);
+    space.style.height = `${shown.length * height}px`;
+    space.replaceChildren(...shown.slice(first, last).map((row, i) => rowElement(app, row, (first + i) * height, height)));
     // A listbox has options, or is none.
     list.setAttribute("role", shown.length > 0 ? "listbox" : "group");
     if (shown.length === 0) space.replaceChildren(h("p.empty.list-empty", null, filter.value === "" ? "Nothing here." : "Nothing found."));
   };
   const refresh = (): void => {
     const wanted = filter.value.trim().toLowerCase();
-    shown = rows().filter((r) => wanted === "" || r.text.toLowerCase().includes(wanted) || r.selected.id === wanted);
+    shown = rows().filter((r) => wanted === "" || `${r.text} ${r.note ?? ""}`.toLowerCase().includes(wanted) || r.selected.id === wanted);
     fill(extra, tools().filter((t) => t !== null));
     draw();
   };
@@ -56,9 +60,9 @@ export function createList(app: App, label: string, rows: () => Row[], tools: ()
     const next = shown[Math.max(0, Math.min(shown.length - 1, at + by))];
     if (next === undefined) return;
     goTo(app, next.selected);
-    const top = shown.indexOf(next) * ROW;
+    const top = shown.indexOf(next) * height;
     if (top < list.scrollTop) list.scrollTop = top;
-    else if (top + ROW > list.scrollTop + list.clientHeight) list.scrollTop = top + ROW - list.clientHeight;
+    else if (top + height > list.scrollTop + list.clientHeight) list.scrollTop = top + height - list.clientHeight;
   };
   filter.addEventListener("input", refresh);
   list.addEventListener("scroll", draw, { passive: true });
@@ -71,17 +75,18 @@ export function createList(app: App, label: string, rows: () => Row[], tools: ()
   return { element, refresh };
 }
 
-function rowElement(app: App, row: Row, top: number): HTMLElement {
+function rowElement(app: App, row: Row, top: number, height: number): HTMLElement {
   const chosen = app.selection.some((s) => s.kind === row.selected.kind && s.id === row.selected.id && s.layer === row.selected.layer);
   const element = h("div.list-row", {
-    role: "option", "aria-selected": chosen ? "true" : "false", "data-testid": `row-${row.selected.id}`,
+    role: "option", "aria-selected": chosen ? "true" : "false", "data-testid": `row-${row.selected.id}`, title: row.note === undefined ? null : `${row.text}\n${row.note}`,
     onclick: (event: MouseEvent) => {
       if (event.ctrlKey || event.metaKey || event.shiftKey) app.select(chosen ? app.selection.filter((s) => s.id !== row.selected.id) : [...app.selection, row.selected]);
       else goTo(app, row.selected);
     },
-  }, row.color === undefined ? null : swatch(row.color), h("span.grow", null, row.text), h("span.at", null, row.at));
+  }, row.color === undefined ? null : swatch(row.color), h("span.grow", null, row.text, row.note === undefined ? null : h("span.note", null, row.note)), h("span.at", null, row.at));
   if (row.style) element.classList.add(row.style);
   element.style.top = `${top}px`;
+  element.style.height = `${height}px`;
   if (row.indent) element.style.paddingLeft = `${8 + 12 * row.indent}px`;
   return element;
 }
@@ -93,13 +98,18 @@ export function objectRows(app: App): Row[] {
   return [...app.document.objects.list.map(row(app.activeLayer)), ...trackedObjects(app).map(row(MACHINE, "proposed"))];
 }
 
+/** An event's type and text, whichever it has. */
+function eventText(event: EcatEvent): string {
+  return [event.type || (event.text === "" ? event.id : ""), event.text].filter(Boolean).join(" – ");
+}
+
 export function eventRows(app: App): Row[] {
   const document = app.document;
   return [...document.events.list]
     .sort((a, b) => span(a)[0] - span(b)[0] || span(b)[1] - span(a)[1])
     .map((e) => ({
       selected: { kind: "event" as ElementKind, id: e.id, layer: app.activeLayer },
-      text: [e.type || (e.text === "" ? e.id : ""), e.text].filter(Boolean).join(" – "), at: span(e).join("–"),
+      text: eventText(e), at: span(e).join("–"),
       indent: document.depth(e), style: e.status === "proposed" ? "proposed" : undefined,
     }));
 }
@@ -108,13 +118,22 @@ export function proposalRows(app: App): Row[] {
   const machine = app.layers.get(MACHINE);
   if (machine === undefined) return [];
   const { events, relations } = app.openProposals();
-  const list = [
-    ...events.filter((e) => e.parent === null).map((e) => ({ kind: "event" as const, e, text: e.type || e.text || e.id, at: span(e).join("–") })),
-    ...relations.map((e) => ({ kind: "relation" as const, e, text: relationText(e, machine), at: `${e.start_frame}–${e.end_frame ?? ""}` })),
+  const row = (kind: ElementKind, e: EcatEvent | Relation, text: string, at: string): Row => ({
+    selected: { kind, id: e.id, layer: MACHINE }, text, at, note: origin(e), style: "proposed",
+  });
+  return [
+    ...inOrder(events, app.settings.order).map((e) => row("event", e, eventText(e), span(e).join("–"))),
+    ...inOrder(relations, app.settings.order).map((r) => row("relation", r, relationText(r, machine), `${r.start_frame}–${r.end_frame ?? ""}`)),
   ];
-  return list
-    .sort((a, b) => (a.kind === b.kind ? startOf(a.e) - startOf(b.e) : a.kind === "event" ? -1 : 1))
-    .map(({ kind, e, text, at }) => ({ selected: { kind, id: e.id, layer: MACHINE }, text, at, style: "proposed" }));
+}
+
+/** Chooses the order of the proposals; null where none says how sure the machine was. */
+export function proposalOrder(app: App): HTMLElement | null {
+  if (!app.openProposals().events.some((e) => confidence(e) !== null)) return null;
+  const order = h("select.input", { "aria-label": "Order of the proposals", "data-testid": "proposal-order", "data-focus": "proposal order", onchange: () => {
+    app.set({ order: order.value as Order });
+  } }, Object.entries(ORDERS).map(([value, name]) => h("option", { value, selected: value === app.settings.order }, name)));
+  return h("div.list-tools", null, order);
 }
 
 /** Relations, all or only those that hold at the cursor; the intervals are computed when the layer changes. */

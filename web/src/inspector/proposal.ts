@@ -3,6 +3,7 @@
 import { acceptSelected, rejectSelected } from "../actions";
 import { span } from "../document";
 import { clock, h } from "../dom";
+import { origin } from "../proposals";
 import type { App, LayerState } from "../state";
 import type { EcatEvent, Relation } from "../types";
 import { field, numberInput, textInput } from "./fields";
@@ -27,6 +28,8 @@ export function proposalPanel(app: App, layer: LayerState, proposal: EcatEvent |
   return [
     h("div.headline", null, h("strong", null, isEvent ? proposal.type || "event" : relationText(proposal, layer)), h("span.mono.muted", null, proposal.id), h("span.spacer"),
       h(`span.chip.${verdict === null ? "warn" : verdict === "accepted" ? "good" : "bad"}`, { "data-testid": "proposal-state" }, verdict ?? "proposed")),
+    isEvent && proposal.text !== "" ? h("p", { "data-testid": "proposal-text" }, proposal.text) : null,
+    h("p.muted", { "data-testid": "proposal-origin" }, origin(proposal)),
     h("div.fields", null, field("Type", type), field("Start", from), field("End", to)),
     h("p.muted", null, `${clock(app.secondsOf(start))} – ${end === null ? "open" : clock(app.secondsOf(end))}`),
     roles.length > 0 ? h("p", null, roles.join(" · ")) : null,

@@ -49,13 +49,10 @@ export interface ObjectRow extends RowBase {
   readonly object: AnnotatedObject;
   readonly relationFrames: readonly number[];
 }
-export interface PlotRow extends RowBase {
-  readonly kind: "plot";
-  readonly series: string;
-}
-export type Row = GroupRow | BarRow | ObjectRow | PlotRow;
+export type Row = GroupRow | BarRow | ObjectRow;
 
-export const HEIGHT = { group: 22, bars: 22, object: 20, plot: 52 } as const;
+/** All alike: so whole rows are in view, however far it is scrolled. */
+export const ROW_PX = 22;
 
 /** What was made of a layer before: an edit touches one lane of many, the others stay as they are. */
 export class LaneCache {
@@ -85,7 +82,7 @@ export function lanes(source: LaneSource): Record<Section, Row[]> {
   const group = (section: Section, label: string, count: number, inner: () => Row[]): Row[] => {
     const key = `${layer}/${section}`;
     const collapsed = source.collapsed.has(key);
-    const head: Row = { kind: "group", key, label: proposals ? label : `${label} · ${layer}`, layer, count, collapsed, depth: 0, height: HEIGHT.group };
+    const head: Row = { kind: "group", key, label: proposals ? label : `${label} · ${layer}`, layer, count, collapsed, depth: 0, height: ROW_PX };
     return collapsed ? [head] : [head, ...inner()];
   };
   const open = <T extends { id: string }>(list: readonly T[]) =>
@@ -94,7 +91,10 @@ export function lanes(source: LaneSource): Record<Section, Row[]> {
   const relations = open(document.relations.list);
   const objects = proposals ? [] : document.objects.list;
   return {
-    events: events.length || !proposals ? group("events", proposals ? "Proposed" : "Events", events.length, () => eventRows(source, events)) : [],
+    events: proposals
+      // parts are decided about with their events, and not counted
+      ? (events.length ? group("events", "Proposed", events.filter((e) => e.parent === null).length, () => proposedRows(source, events)) : [])
+      : group("events", "Events", events.length, () => eventRows(source, events)),
     objects: objects.length ? group("objects", "Objects", objects.length, () => objectRows(layer, objects, document.relations.list)) : [],
     relations: relations.length
       ? group("relations", proposals ? "Proposed relations" : "Relations", relations.length, () => relationRows(source, relations))
@@ -137,7 +137,20 @@ export function eventLabel(event: EcatEvent): string {
   return (event.type || event.text || event.id) + (event.unsure ? " ?" : "");
 }
 
-function eventRows(source: LaneSource, events: readonly EcatEvent[]): Row[] {
+/** Who proposes has lanes of their own, the first of which has their name. */
+function proposedRows(source: LaneSource, events: readonly EcatEvent[]): Row[] {
+  const byAuthor = new Map<string, EcatEvent[]>();
+  for (const event of events) {
+    const list = byAuthor.get(event.author);
+    if (list) list.push(event);
+    else byAuthor.set(event.author, [event]);
+  }
+  return [...byAuthor].sort(([a], [b]) => (a < b ? -1 : 1)).flatMap(([author, mine]) =>
+    eventRows(source, mine, author).map((row, i) => (author === "" ? row : i === 0 ? { ...row, label: author } : { ...row, depth: Math.max(1, row.depth) })));
+}
+
+/** `author`: of whom all of the events are, where that makes a difference. */
+function eventRows(source: LaneSource, events: readonly EcatEvent[], author = ""): Row[] {
   const { document, scheme } = source;
   const types = new Map(scheme.event_types.map((type) => [type.name, type]));
   const groups = new Map<string, Map<number, EcatEvent[]>>();
@@ -158,21 +171,19 @@ function eventRows(source: LaneSource, events: readonly EcatEvent[]): Row[] {
     if (!depths.size && !(source.active && !source.proposals)) continue;
     if (!depths.has(0)) depths.set(0, []);
     for (const depth of [...depths.keys()].sort((a, b) => a - b))
-      rows.push(...eventLanes(source, tier, indent, depth, depths.get(depth)!, types));
+      rows.push(...eventLanes(source, { author, tier, indent, depth }, depths.get(depth)!, types));
   }
   return rows;
 }
 
 function eventLanes(
   source: LaneSource,
-  tier: string,
-  indent: number,
-  depth: number,
+  { author, tier, indent, depth }: { author: string; tier: string; indent: number; depth: number },
   events: readonly EcatEvent[],
   types: ReadonlyMap<string, EventType>,
 ): readonly Row[] {
   const { cache, document, proposals } = source;
-  const group = `${tier}/${depth}/${indent}/${source.active}`;
+  const group = `${author}/${tier}/${depth}/${indent}/${source.active}`;
   const known = cache.groups.get(group);
   if (known?.events.length === events.length && known.events.every((event, i) => event === events[i])) return known.rows;
   const lane = spread(events.map(hull));
@@ -180,10 +191,10 @@ function eventLanes(
   events.forEach((event, i) => (bars[lane[i]!] ??= []).push(...eventBars(source, event, types)));
   const rows = bars.map((list, i): Row => ({
     kind: "bars",
-    key: `${document.name}/events/${tier}/${depth}/${i}`,
+    key: `${document.name}/events/${author}/${tier}/${depth}/${i}`,
     label: i ? "" : depth ? "parts" : tier || "events",
     depth: indent + depth,
-    height: HEIGHT.bars,
+    height: ROW_PX,
     layer: document.name,
     tier,
     proposals,
@@ -248,7 +259,7 @@ function relationRows(source: LaneSource, relations: readonly Relation[]): Row[]
         key: `${document.name}/relations/${predicate}/${i}`,
         label: i ? "" : predicate,
         depth: 0,
-        height: HEIGHT.bars,
+        height: ROW_PX,
         layer: document.name,
         tier: "",
         proposals: source.proposals,
@@ -295,7 +306,7 @@ function objectRows(layer: string, objects: readonly AnnotatedObject[], relation
     key: `${layer}/objects/${object.id}`,
     label: object.name || object.id,
     depth: 0,
-    height: HEIGHT.object,
+    height: ROW_PX,
     layer,
     object,
     relationFrames: ticks.get(object.id)?.sort((a, b) => a - b) ?? [],

@@ -5,7 +5,7 @@ import { palette, type Palette } from "../theme";
 import { type Axis, frameTicks, timeTicks } from "./axis";
 import { inkOn, withAlpha } from "./colors";
 import { lowerBound } from "./intervals";
-import { type Bar, type BarRow, HEIGHT, type ObjectRow, presence, type Row } from "./lanes";
+import { type Bar, type BarRow, type ObjectRow, presence, type Row, ROW_PX } from "./lanes";
 import { fitted } from "./surface";
 
 /** Bars narrower than this are merged. */
@@ -75,7 +75,7 @@ function paintBars(paint: LanePaint, row: BarRow, y: number): void {
 
 function paintSliver({ context }: LanePaint, bar: Bar, x: number, y: number): void {
   context.fillStyle = withAlpha(bar.color, bar.hollow ? 0.45 : 0.9);
-  context.fillRect(Math.floor(x), y + BAR_INSET, 1, HEIGHT.bars - 2 * BAR_INSET - 1);
+  context.fillRect(Math.floor(x), y + BAR_INSET, 1, ROW_PX - 2 * BAR_INSET - 1);
 }
 
 function paintBar(paint: LanePaint, row: BarRow, bar: Bar, start: number, end: number, y: number, chosen: boolean): void {

@@ -6,8 +6,24 @@ import numpy as np
 import pytest
 import torch
 
+from learn.features.raw import N_CHANNELS, SWAP_CHANNELS
+from learn.recognize.actions import movers
+from learn.recognize.dataset import Labels, exchanged, places_of
 from learn.recognize.neural.networks import SIZES, Dense, Ensemble, RawNetwork, SlotLSTM, SlotNetwork
 
+VOCABULARY: Labels = np.array(
+    [
+        [0, 0, 0, 0, 0],
+        [1, 2, 0, 1, 0],
+        [1, 2, 3, 1, 2],
+        [1, 3, 0, 1, 0],
+        [1, 3, 2, 1, 2],
+        [2, 0, 3, 3, 1],
+        [3, 0, 2, 3, 1],
+    ],
+    np.int8,
+)
+"""Nothing; a box is pushed, and from the other; a box rolls past the other; each with both names of the boxes."""
 EVERY = torch.cartesian_prod(*(torch.arange(size) for size in SIZES))
 
 
@@ -76,17 +92,48 @@ def test_a_dense_network_tells_all_slots_the_same() -> None:
     torch.testing.assert_close(found[0], found[4])
 
 
-def test_the_raw_network_scores_every_label_of_its_vocabulary() -> None:
-    network = RawNetwork(9, 16, 0.1).eval()
-    found = network.log_probabilities(torch.randn(3, 20, 75), torch.zeros(9, 5))
-    torch.testing.assert_close(found.exp().sum(1), torch.ones(3))
+@pytest.fixture
+def windows() -> torch.Tensor:
+    return torch.randn(5, 20, N_CHANNELS) / 5
 
 
-def test_an_ensemble_says_the_mean_of_what_its_members_say() -> None:
-    members = [RawNetwork(9, 8, 0.1) for _ in range(2)]
-    network, inputs, vocabulary = Ensemble(members).eval(), torch.randn(3, 20, 75), torch.zeros(9, 5)
-    each = torch.stack([member.log_probabilities(inputs, vocabulary).exp() for member in members])
-    torch.testing.assert_close(network.log_probabilities(inputs, vocabulary).exp(), each.mean(0))
-    shares = torch.eye(9)[:3]
-    parts = torch.stack([member.loss(inputs, shares) for member in members])
-    torch.testing.assert_close(network.loss(inputs, shares), parts.sum())
+def test_the_raw_network_gives_every_label_of_its_vocabulary_a_probability(windows: torch.Tensor) -> None:
+    found = RawNetwork(VOCABULARY, 16, 0.1).eval()(windows).exp()
+    assert found.shape == (5, len(VOCABULARY))
+    torch.testing.assert_close(found.sum(1), torch.ones(5))
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_exchanged_boxes_exchange_the_labels_of_the_raw_network(
+    training: bool, windows: torch.Tensor
+) -> None:
+    network = RawNetwork(VOCABULARY, 16, 0.0).train(training)
+    order = places_of(exchanged(VOCABULARY), VOCABULARY)
+    torch.testing.assert_close(network(windows[..., SWAP_CHANNELS]), network(windows)[:, order])
+
+
+def test_which_box_moves_is_told_apart_from_what_it_does(windows: torch.Tensor) -> None:
+    """What is done by a box, given that it moves, does not depend on how sure it is that it does."""
+    network = RawNetwork(VOCABULARY, 16, 0.0).eval()
+    of_first = torch.from_numpy(movers(VOCABULARY) == 1)
+    before = network(windows)[:, of_first].log_softmax(1)
+    last = network.last[-1]
+    assert isinstance(last, torch.nn.Linear)
+    with torch.no_grad():
+        last.weight[-1] *= 3
+    torch.testing.assert_close(network(windows)[:, of_first].log_softmax(1), before)
+
+
+def test_a_vocabulary_without_movement_is_sure_of_its_only_label(windows: torch.Tensor) -> None:
+    found = RawNetwork(np.zeros((1, 5), np.int8), 8, 0.1).eval()(windows)
+    torch.testing.assert_close(found, torch.zeros(5, 1))
+
+
+def test_an_ensemble_says_the_mean_of_what_its_members_say(windows: torch.Tensor) -> None:
+    members = [RawNetwork(VOCABULARY, 8, 0.1) for _ in range(2)]
+    network, vocabulary = Ensemble(members).eval(), torch.from_numpy(VOCABULARY)
+    each = torch.stack([member.log_probabilities(windows, vocabulary).exp() for member in members])
+    torch.testing.assert_close(network.log_probabilities(windows, vocabulary).exp(), each.mean(0))
+    shares = torch.eye(len(VOCABULARY))[:5]
+    parts = torch.stack([member.loss(windows, shares) for member in members])
+    torch.testing.assert_close(network.loss(windows, shares), parts.sum())

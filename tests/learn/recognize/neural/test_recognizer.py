@@ -12,6 +12,7 @@ import pytest
 
 from ecat.errors import CorruptError, InputError, NotFoundError
 from learn.features.points import SWAP_POINTS
+from learn.features.windows import mirror
 from learn.recognize.dataset import LabelledSession, exchanged, places_of, read_exports
 from learn.recognize.inputs import SHAPES, Fitted
 from learn.recognize.neural.recognizer import FEATURES, RECIPES, Trained, train
@@ -49,6 +50,18 @@ def test_exchanged_boxes_exchange_what_is_said(neural: Trained, sessions: list[L
     other = neural.recognizer.recognize([points[:, SWAP_POINTS] for points in points_of(sessions[:2])])
     order = places_of(exchanged(one.vocabulary), one.vocabulary)
     np.testing.assert_allclose(other.alone, one.alone[:, order], atol=1e-5)
+
+
+def test_both_sides_of_a_mirror_are_half_of_what_is_said_each(
+    neural: Trained, sessions: list[LabelledSession]
+) -> None:
+    """In haste either member of two sees one side; of a scene and its mirror image, both see both."""
+    points = points_of(sessions[:2])
+    parts = [
+        neural.recognizer.alone(seen, thorough=False) for seen in (points, [mirror(one) for one in points])
+    ]
+    np.testing.assert_allclose(np.mean(parts, axis=0), neural.recognizer.alone(points), atol=1e-5)
+    assert np.abs(parts[0] - parts[1]).max() > 1e-4
 
 
 @pytest.mark.parametrize("name", list(FEATURES))

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from ecat.errors import CorruptError, InputError
+from learn.recognize.dataset import Labels
 from learn.recognize.neural.checkpoints import read_tensors, write_tensors
 from learn.recognize.neural.networks import Dense, RawNetwork, SlotNetwork
-from learn.recognize.neural.pictures import draw_curves
 from learn.recognize.neural.training import History, Settings, fit
 
 GENERATOR = torch.Generator().manual_seed(0)
@@ -22,6 +25,7 @@ LABELS = (INPUTS[:, :1] > 0).long().expand(-1, 5).contiguous()
 SGD = Settings("mlp", epochs=6, batch=20, rate=0.5, keep=0.8)
 WINDOWS = torch.randn(40, 20, 75, generator=GENERATOR) / 10
 SHARES = torch.eye(3)[torch.randint(3, (40,), generator=GENERATOR)]
+VOCABULARY: Labels = np.array([[0, 0, 0, 0, 0], [2, 0, 0, 3, 0], [3, 0, 0, 3, 0]], np.int8)
 ADAM = replace(SGD, model="neural", decay=0, rate=1e-2)
 
 
@@ -36,7 +40,7 @@ def trained(
 
     torch.manual_seed(settings.seed)
     raw = settings.model == "neural"
-    network = RawNetwork(3, 8, 0.2) if raw else SlotNetwork(Dense(4, 8, 0.8), 8, crf=True)
+    network = RawNetwork(VOCABULARY, 8, 0.2) if raw else SlotNetwork(Dense(4, 8, 0.8), 8, crf=True)
     inputs, targets = (WINDOWS, SHARES) if raw else (INPUTS, LABELS)
     history = History()
     with suppress(KeyboardInterrupt):
@@ -95,9 +99,49 @@ def test_a_damaged_checkpoint_is_one_error(damage: bytes, tmp_path: Path) -> Non
         trained(SGD, checkpoint=tmp_path / "c.npz")
 
 
+CHANGES: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {
+    "a mean is missing": lambda arrays, _: arrays.pop("mean.gate.weight"),
+    "no random state": lambda arrays, _: arrays.pop("random"),
+    "a short random state": lambda arrays, _: arrays.update(random=np.zeros(3, np.uint8)),
+    "a random state of fractions": lambda arrays, _: arrays.update(random=np.zeros(5056, np.float32)),
+    "a name that is no number": lambda arrays, _: arrays.update({"optimiser.x.y": np.zeros(3)}),
+    "a parameter that there is not": lambda arrays, _: arrays.update({"optimiser.999.step": np.zeros(3)}),
+    "momenta of another network": lambda arrays, _: arrays.update({"optimiser.0.exp_avg": np.zeros(3)}),
+    "no momenta": lambda arrays, _: [arrays.pop(key) for key in list(arrays) if key.startswith("optimiser")],
+    "a mean of another network": lambda arrays, _: arrays.update({"mean.gate.weight": np.zeros(3)}),
+    "weights that are not known": lambda arrays, _: arrays["network.gate.weight"].fill(np.nan),
+    "more history": lambda _, history: history.update(extra=2),
+    "losses that are text": lambda _, history: history.update(losses="ab"),
+    "scores of other epochs": lambda _, history: history.update(scores=[0.5]),
+    "a best that there is not": lambda _, history: history.update(best=5),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_a_checkpoint_that_is_not_whole_is_one_error(
+    change: Callable[[dict[str, Any], dict[str, Any]], object], tmp_path: Path
+) -> None:
+    dest = tmp_path / "c.npz"
+    trained(ADAM, epochs=2, checkpoint=dest)
+    with np.load(dest) as kept:
+        arrays: dict[str, Any] = dict(kept)
+    identity, history = json.loads(arrays["text"].tobytes())
+    change(arrays, history)
+    arrays["text"] = np.frombuffer(json.dumps([identity, history]).encode(), np.uint8)
+    np.savez(dest, allow_pickle=False, **arrays)
+    with pytest.raises(CorruptError, match="cannot go on") as error:
+        trained(ADAM, checkpoint=dest)
+    assert "remove it" in error.value.fix
+
+
+def test_training_that_goes_astray_is_not_kept(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot keep"):
+        trained(replace(ADAM, rate=float("inf")), checkpoint=tmp_path / "c.npz")
+
+
 def test_a_pickle_among_the_arrays_is_not_read(tmp_path: Path) -> None:
     np.savez(tmp_path / "c.npz", text=np.zeros(0, np.uint8), evil=np.array([print], object))
-    with pytest.raises(CorruptError):
+    with pytest.raises(ValueError, match="numbers"):
         read_tensors(tmp_path / "c.npz")
 
 
@@ -108,10 +152,3 @@ def test_tensors_come_back_as_they_were(tmp_path: Path) -> None:
     assert text == "kept"
     assert set(read) == set(written)
     assert all(torch.equal(read[name], values) for name, values in written.items())
-
-
-@pytest.mark.parametrize("history", [History([3.0, 2.0], [0.1, 0.2], 1), History([1.0])])
-def test_curves_are_a_picture(history: History, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="Matplotlib is not installed: pip install 'ecat[plots]'")
-    draw_curves(history, tmp_path / "curves.png")
-    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")

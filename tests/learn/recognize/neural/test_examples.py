@@ -1,0 +1,103 @@
+"""Other scenes for training: they differ in what does not matter, and in nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+from learn.features.raw import DEPTH, HEIGHT, MIRROR_CHANNELS, MIRROR_SIGNS, N_CHANNELS, PLANE, SHAPE
+from learn.recognize.neural.examples import Augment
+
+MANY = 400
+
+
+@pytest.fixture(autouse=True)
+def _seeded() -> Iterator[None]:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        yield
+
+
+@pytest.fixture
+def windows() -> torch.Tensor:
+    """One window, many times; a random walk."""
+    steps = torch.randn(1, 20, N_CHANNELS) / 50
+    return (torch.randn(1, 1, N_CHANNELS) / 3 + steps.cumsum(1)).expand(MANY, -1, -1)
+
+
+def still() -> Augment:
+    """Without anything that is off at random: mirrors and sides are left."""
+    found = Augment()
+    for name, value in vars(Augment).items():
+        if isinstance(value, float):
+            setattr(found, name, 0.0)
+    return found
+
+
+def apart(windows: torch.Tensor) -> torch.Tensor:
+    """Distances between all points of each frame."""
+    places = windows[..., PLANE].unflatten(2, (-1, 2))
+    return torch.cdist(places, places, compute_mode="donot_use_mm_for_euclid_dist")
+
+
+def test_windows_are_left_as_they_were(windows: torch.Tensor) -> None:
+    before = windows.clone()
+    assert Augment()(windows).shape == windows.shape
+    torch.testing.assert_close(windows, before, rtol=0, atol=0)
+
+
+def test_the_same_seed_gives_the_same_scenes(windows: torch.Tensor) -> None:
+    found: list[torch.Tensor] = []
+    for _ in range(2):
+        torch.manual_seed(3)
+        found.append(Augment()(windows))
+    torch.testing.assert_close(found[0], found[1], rtol=0, atol=0)
+    assert not torch.equal(found[0][0], found[0][1])
+
+
+def test_mirrors_and_sides_keep_distances_or_mirror_them(windows: torch.Tensor) -> None:
+    found = apart(still()(windows))
+    same, mirrored = apart(windows[:1]), apart(windows[:1, :, MIRROR_CHANNELS])
+    off = torch.stack([(found - one).abs().amax((1, 2, 3)) for one in (same, mirrored)])
+    assert float(off.amin(0).max()) < 1e-4
+    share = float((off[1] < off[0]).float().mean())
+    assert 0.4 < share < 0.6
+
+
+def test_scenes_are_seen_from_every_side(windows: torch.Tensor) -> None:
+    found = still()(windows)[:, 0, :2]
+    angles = torch.atan2(found[:, 1], found[:, 0])
+    counts = torch.histc(angles, 8, -torch.pi, torch.pi)
+    assert float(counts.min()) > MANY / 16
+
+
+def test_what_is_no_place_is_not_turned(windows: torch.Tensor) -> None:
+    rest = torch.cat([windows[..., part] for part in (SHAPE, HEIGHT, DEPTH)], dim=2)
+    mirror = (windows[..., MIRROR_CHANNELS] * torch.from_numpy(MIRROR_SIGNS))[..., PLANE.stop :]
+    found = still()(windows)[..., PLANE.stop :]
+    off = torch.stack([(found - one).abs().amax((1, 2)) for one in (rest, mirror)])
+    assert float(off.amin(0).max()) < 1e-6
+
+
+def test_what_is_off_is_off_throughout_the_window(windows: torch.Tensor) -> None:
+    still_there = windows[:, :1].expand(-1, 20, -1)
+    found = Augment()(still_there)
+    within, between = found.std(1).mean(), found[..., HEIGHT].std(0).mean()
+    assert float(within) < 0.005
+    assert float(between) > 0.02
+
+
+def test_the_corners_of_a_box_stay_together(windows: torch.Tensor) -> None:
+    augment = still()
+    augment.box_m = 0.1
+    found = apart(augment(windows[..., :]))[..., 13:17, 13:17]
+    one, other = (
+        apart(windows[:1])[..., 13:17, 13:17],
+        apart(windows[:1, :, MIRROR_CHANNELS])[..., 13:17, 13:17],
+    )
+    assert (
+        float(torch.minimum((found - one).abs().amax((1, 2, 3)), (found - other).abs().amax((1, 2, 3))).max())
+        < 1e-4
+    )
