@@ -316,7 +316,7 @@ def _options(model: str, **said: Any) -> Any:
     for name, value in said.items():
         if value is not None and not known.get(name, network):
             raise UsageError(
-                f"cannot train with --{name}", where=f"the model {model} has none", fix="leave the option out"
+                "cannot train", where=f"the model {model} has no --{name}", fix="leave the option out"
             )
     return Options(**{name: value for name, value in said.items() if value is not None})
 

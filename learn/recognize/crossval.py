@@ -48,8 +48,12 @@ def recognized_by(name: str, options: Options) -> Recognize:
 def made_of(name: str, options: Options) -> str:
     """What a model's words depend on, besides the sessions: options, and the features if these have versions."""
     versions = {"trees": windows.VERSION, "neural": raw.VERSION, "mixture": windows.VERSION + raw.VERSION}
-    settings = options.of_trees() if name == "trees" else options
-    return repr(settings) + versions.get(name, "")
+    parts: list[object] = [options]
+    if name in ("trees", "mixture"):
+        parts.append(options.of_trees())
+    if name not in ("trees", "hmm", "lds"):
+        parts.append(options.of_network(name))
+    return repr(parts) + versions.get(name, "")
 
 
 def kept_or(

@@ -1,4 +1,7 @@
-"""Trees and a network asked together: they err on different windows, so that the mean of both is better than either."""
+"""Trees and a network asked together: they err on different windows, so that both are better than either.
+
+What they say is their geometric mean: a label that one of them rules out is hardly said, however sure the other is.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ from learn.recognize.unusable import undamaged
 
 PARTS = ("trees", "neural")
 """Folders in that of the run."""
+LEAST = 1e-4
+"""Probability that either gives to a label that it rules out."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +39,11 @@ class Mixture:
         return self.trees.trained_on
 
     def recognize(self, sessions: Sequence[Floats]) -> Recognized:
-        """What the windows of sessions, each of points (n, 21, 3), show: the mean of both probabilities."""
+        """What the windows of sessions, each of points (n, 21, 3), show."""
         seen, neural = self.trees.seen(sessions), self.neural.alone(sessions, thorough=False)
-        return self.trees.in_context(replace(seen, windows=(seen.windows + neural) / 2), sessions)
+        both = np.sqrt(np.maximum(seen.windows, LEAST) * np.maximum(neural, LEAST))
+        both /= both.sum(axis=1, keepdims=True)
+        return self.trees.in_context(replace(seen, windows=both), sessions)
 
     def on_table(self, table: Table) -> Mixture:
         """The same for sessions whose table is known."""

@@ -87,19 +87,16 @@ def replace_proposals(
     kept_events = tuple(event for event in old.events if stays(event))
     kept_relations = tuple(relation for relation in old.relations if stays(relation))
     number = max(old.event_counter, *_numbers(old.events, "a"), *_numbers_of(decided, "a"))
-    there = {_meaning(item) for item in (*kept_events, *kept_relations)}
     new_events = [
-        event
-        for event in events
-        if _meaning(event) not in there and not any(_is_the_same(event, mine) for mine in kept_events)
+        replace(event, id=f"a{number + i}")
+        for i, event in enumerate(_new_events(events, author, kept_events), start=1)
     ]
-    new_events = [replace(event, id=f"a{number + i}") for i, event in enumerate(new_events, start=1)]
     last = max(old.relation_counter, *_numbers(old.relations, "r"), *_numbers_of(decided, "r"))
-    new_relations = [relation for relation in relations if _meaning(relation) not in there]
+    there = {_meaning(relation) for relation in kept_relations}
     new_relations = [
-        replace(one, id=f"r{last + i}", author=author) for i, one in enumerate(new_relations, start=1)
+        replace(one, id=f"r{last + i}", author=author)
+        for i, one in enumerate((one for one in relations if _meaning(one) not in there), start=1)
     ]
-    new_events = [replace(event, author=author) for event in new_events]
     made = replace(
         old,
         event_counter=number + len(new_events),
@@ -190,6 +187,17 @@ def _is_of_a_person(session: Session, layer: Layer) -> bool:
         or any(item.status != "proposed" or not item.author for item in items)
         or any(thing.key_frames or thing.key_frames_3d for thing in layer.objects)
     )
+
+
+def _new_events(events: Iterable[Event], author: str, kept: Sequence[Event]) -> list[Event]:
+    """Those that no event that stays says already."""
+    there = {_meaning(event) for event in kept}
+    signed = [replace(event, author=author) for event in events]
+    return [
+        event
+        for event in signed
+        if _meaning(event) not in there and not any(_is_the_same(event, one) for one in kept)
+    ]
 
 
 def _is_the_same(event: Event, kept: Event) -> bool:

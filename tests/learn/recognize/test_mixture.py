@@ -11,6 +11,7 @@ import pytest
 
 from ecat.errors import CorruptError
 from learn.recognize.dataset import LabelledSession, read_exports
+from learn.recognize.mixture import LEAST
 from learn.recognize.runs import Options, load, save, train
 from tests.learn.recognize import made
 
@@ -30,11 +31,15 @@ def run(sessions: list[LabelledSession], tmp_path_factory: pytest.TempPathFactor
     return found
 
 
-def test_it_says_the_mean_of_what_its_parts_say(run: Path, sessions: list[LabelledSession]) -> None:
+def test_it_says_the_geometric_mean_of_what_its_parts_say(run: Path, sessions: list[LabelledSession]) -> None:
     points = [session.points for session in sessions]
     both, trees = (load(folder).recognize(points) for folder in (run, run / "trees"))
     neural: Any = load(run / "neural")
-    np.testing.assert_allclose(both.alone, (trees.alone + neural.alone(points, thorough=False)) / 2)
+    product = trees.alone.clip(LEAST) * neural.alone(points, thorough=False).clip(LEAST)
+    assert (both.alone > 0).all()
+    ratio = both.alone / np.sqrt(product)
+    np.testing.assert_allclose(ratio / ratio[:, :1], 1)
+    np.testing.assert_allclose(both.alone.sum(axis=1), 1)
     np.testing.assert_allclose(both.context.sum(axis=1), 1)
 
 
