@@ -39,7 +39,8 @@ docs: $(VENV)/.installed  ## write docs/cli.md, the README's formats, schemas/ a
 	$(PY) -m ecat.web.openapi > web/openapi.json.new && mv web/openapi.json.new web/openapi.json
 
 results-ch4: $(VENV)/.installed-dev  ## train the recognisers of thesis chapter 4 and ours, and print the table (EXPORTS, RUN, RESULTS)
-	$(PY) benchmarks/results_ch4.py $(or $(EXPORTS),../shared/data/actions_ch4/xml) --run $(or $(RUN),build/results-ch4) $(RESULTS)
+	$(PY) benchmarks/results_ch4.py $(or $(EXPORTS),../shared/data/actions_ch4/xml) --run $(or $(RUN),build/results-ch4) \
+		$(or $(RESULTS),--hidden 64 --epochs 20 --rate 0.5)
 
 golden: $(VENV)/.installed-test  ## accept what the code writes now as the expected output of the tests
 	$(PY) -m pytest --update-golden
