@@ -68,6 +68,8 @@ def cell(value: object, digits: int) -> str:
     if isinstance(value, float):
         text = f"{value:.{digits}f}"
         return "0" if float(text) == 0 else text
+    if isinstance(value, list):  # the last digits of a matrix are not the same on every processor
+        return f"[{', '.join(f'{one:.6g}' if isinstance(one, float) else str(one) for one in value)}]"
     return "-" if value is None else str(value)
 
 
