@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ecat.cli.text import count
-from ecat.errors import InputError, MissingExtraError
+from ecat.errors import InputError
 from ecat.progress import Progress, silent
 from ecat.store import staged_file
 from learn.features.windows import Floats
@@ -22,6 +22,7 @@ from learn.recognize.dataset import SLOTS, LabelledSession, Labels, words
 from learn.recognize.folds import N_FOLDS, Kind, folds_of
 from learn.recognize.kept import HEADS
 from learn.recognize.model import Recognized, fingerprint
+from learn.recognize.pictures import picture
 
 PREDICTIONS = "predictions.parquet"
 WAYS = ("windows", "context")
@@ -199,22 +200,14 @@ def draw_confusions(found: Predicted, way: str, dest: Path) -> None:
     ------
     MissingExtraError : Matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError(
-            "cannot draw confusions", where="Matplotlib is not installed", fix="pip install 'ecat[plots]'"
-        ) from None
-    figure = Figure(figsize=(17, 4.2), layout="constrained")
-    result = score(found.true, found.labels[way])
-    figure.suptitle(f"{WAY_NAMES[way]}: {extent(found)}, {100 * result['tuple']:.1f} % right")
-    panels = figure.subplots(1, len(SLOTS))
-    for place, (axes, slot) in enumerate(zip(panels, SLOTS, strict=True)):
-        _draw_confusion(axes, slot, found.true[:, place], found.labels[way][:, place])
-        axes.set_title(f"{slot}: {100 * result['slots'][slot]:.1f} %")
-    figure.colorbar(panels[-1].images[0], ax=panels, label="of those that are true, %", pad=0.01)
-    with staged_file(dest, replaces=HEADS[".png"]) as staging:
-        figure.savefig(staging, format="png", dpi=110)
+    with picture(dest, (17, 4.2), "cannot draw confusions") as figure:
+        result = score(found.true, found.labels[way])
+        figure.suptitle(f"{WAY_NAMES[way]}: {extent(found)}, {100 * result['tuple']:.1f} % right")
+        panels = figure.subplots(1, len(SLOTS))
+        for place, (axes, slot) in enumerate(zip(panels, SLOTS, strict=True)):
+            _draw_confusion(axes, slot, found.true[:, place], found.labels[way][:, place])
+            axes.set_title(f"{slot}: {100 * result['slots'][slot]:.1f} %")
+        figure.colorbar(panels[-1].images[0], ax=panels, label="of those that are true, %", pad=0.01)
 
 
 def _draw_confusion(axes: Any, slot: str, true: NDArray[np.int8], said: NDArray[np.int8]) -> None:

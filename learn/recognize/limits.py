@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import MissingExtraError
-from ecat.store import staged_file
 from learn.recognize.dataset import SLOTS, Labels
 from learn.recognize.evaluation import WAY_NAMES, WAYS, Predicted, extent
-from learn.recognize.kept import HEADS
+from learn.recognize.pictures import picture
 
 FARTHEST = 5
 """Windows from a change, or more."""
@@ -74,30 +72,22 @@ def draw_limits(found: Predicted, dest: Path) -> None:
     ------
     MissingExtraError : Matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError(
-            "cannot draw errors", where="Matplotlib is not installed", fix="pip install 'ecat[plots]'"
-        ) from None
-    figure = Figure(figsize=(15, 4.5), layout="constrained")
-    figure.suptitle(extent(found))
-    left, right = figure.subplots(1, 2, width_ratios=[5, 3])
-    for place, way in enumerate(WAYS):
-        rows, slots = by_distance(found, way), by_slot(found, way)["slots"]
-        shares = [100 * row["wrong"] / max(row["windows"], 1) for row in rows]
-        bars = left.bar(np.arange(len(rows)) + 0.4 * place, shares, 0.4, label=WAY_NAMES[way])
-        left.bar_label(bars, [f"{row['wrong']}\nof {row['windows']}" for row in rows], fontsize=7)
-        counts = [slot["wrong"] for slot in slots.values()]
-        bars = right.bar(np.arange(len(SLOTS)) + 0.4 * place, counts, 0.4, label=WAY_NAMES[way])
-        right.bar_label(bars, fontsize=8)
-    names = [str(row["distance"]).replace(" in ", "\nin ") for row in by_distance(found, WAYS[0])]
-    left.set_xticks(np.arange(len(names)) + 0.2, names)
-    left.set(xlabel="windows from a change of the label", ylabel="whole labels wrong, % of these windows")
-    right.set_xticks(np.arange(len(SLOTS)) + 0.2, list(SLOTS))
-    right.set(xlabel="slot of the label", ylabel="windows that are wrong in it")
-    for axes in (left, right):
-        axes.margins(y=0.12)
-        axes.legend()
-    with staged_file(dest, replaces=HEADS[".png"]) as staging:
-        figure.savefig(staging, format="png", dpi=110)
+    with picture(dest, (15, 4.5), "cannot draw errors") as figure:
+        figure.suptitle(extent(found))
+        left, right = figure.subplots(1, 2, width_ratios=[5, 3])
+        for place, way in enumerate(WAYS):
+            rows, slots = by_distance(found, way), by_slot(found, way)["slots"]
+            shares = [100 * row["wrong"] / max(row["windows"], 1) for row in rows]
+            bars = left.bar(np.arange(len(rows)) + 0.4 * place, shares, 0.4, label=WAY_NAMES[way])
+            left.bar_label(bars, [f"{row['wrong']}\nof {row['windows']}" for row in rows], fontsize=7)
+            counts = [slot["wrong"] for slot in slots.values()]
+            bars = right.bar(np.arange(len(SLOTS)) + 0.4 * place, counts, 0.4, label=WAY_NAMES[way])
+            right.bar_label(bars, fontsize=8)
+        names = [str(row["distance"]).replace(" in ", "\nin ") for row in by_distance(found, WAYS[0])]
+        left.set_xticks(np.arange(len(names)) + 0.2, names)
+        left.set(xlabel="windows from a change of the label", ylabel="whole labels wrong, % of these windows")
+        right.set_xticks(np.arange(len(SLOTS)) + 0.2, list(SLOTS))
+        right.set(xlabel="slot of the label", ylabel="windows that are wrong in it")
+        for axes in (left, right):
+            axes.margins(y=0.12)
+            axes.legend()

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ecat.errors import MissingExtraError
-from ecat.store import staged_file
-from learn.recognize.kept import HEADS
 from learn.recognize.neural.training import History
+from learn.recognize.pictures import picture
 
 _FEW = 30
 """Of so many epochs each is marked: a line of one would not be seen."""
@@ -20,28 +18,19 @@ def draw_curves(history: History, dest: Path) -> None:
     ------
     MissingExtraError : Matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import MaxNLocator
-    except ImportError:
-        raise MissingExtraError(
-            "cannot draw learning curves",
-            where="Matplotlib is not installed",
-            fix="pip install 'ecat[plots]'",
-        ) from None
     curves = [("training", "loss", history.losses)]
     if history.scores:
         curves.append(("validation, whole labels", "share of windows right", history.scores))
-    figure = Figure(figsize=(5 * len(curves), 4), layout="constrained")
-    panels = figure.subplots(1, len(curves), squeeze=False)[0]
-    for axes, (title, unit, values) in zip(panels, curves, strict=True):
-        axes.plot(range(1, len(values) + 1), values, marker="." if len(values) < _FEW else "")
-        axes.set(title=title, xlabel="epoch", ylabel=unit)
-        axes.set_xlim(0.5, len(values) + 0.5)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    if history.scores:
-        panels[1].set_ylim(0, 1)
-        panels[1].axvline(history.best + 1, linestyle=":", color="black", label="what was kept")
-        panels[1].legend()
-    with staged_file(dest, replaces=HEADS[".png"]) as staging:
-        figure.savefig(staging, format="png", dpi=110)
+    with picture(dest, (5 * len(curves), 4), "cannot draw learning curves") as figure:
+        from matplotlib.ticker import MaxNLocator
+
+        panels = figure.subplots(1, len(curves), squeeze=False)[0]
+        for axes, (title, unit, values) in zip(panels, curves, strict=True):
+            axes.plot(range(1, len(values) + 1), values, marker="." if len(values) < _FEW else "")
+            axes.set(title=title, xlabel="epoch", ylabel=unit)
+            axes.set_xlim(0.5, len(values) + 0.5)
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        if history.scores:
+            panels[1].set_ylim(0, 1)
+            panels[1].axvline(history.best + 1, linestyle=":", color="black", label="what was kept")
+            panels[1].legend()
