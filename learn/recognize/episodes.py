@@ -127,7 +127,7 @@ def _agreeing(recording: Recording, episode: Episode, seen: Recognized) -> Float
     """Probabilities (w, k) of labels, without those that move a box which by its poses rests while the other moves."""
     if recording.tracks is None:
         return seen.context
-    place = recording.tracks[:, _frames(recording, episode), :2]
+    place = recording.tracks[:, _frames(recording.tracks, episode), :2]
     farthest = np.linalg.norm(place - place[:, :1], axis=-1).max(axis=1)
     rests = (farthest < _REST_M) & (farthest[::-1] > _GONE_M)
     mover = movers(seen.vocabulary)
@@ -138,10 +138,9 @@ def _agreeing(recording: Recording, episode: Episode, seen: Recognized) -> Float
     return left / left.sum(axis=1, keepdims=True)
 
 
-def _frames(recording: Recording, episode: Episode) -> NDArray[np.int64]:
-    """The frames of the session that those of an episode are nearest to."""
-    assert recording.tracks is not None
-    return episode.frame[:-1].round().astype(np.int64).clip(0, recording.tracks.shape[1] - 1)
+def _frames(tracks: Floats, episode: Episode) -> NDArray[np.int64]:
+    """The frames of a session's tracks (2, n, 3) that those of an episode are nearest to."""
+    return episode.frame[:-1].round().astype(np.int64).clip(0, tracks.shape[1] - 1)
 
 
 def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Floats) -> Iterator[Action]:
@@ -228,12 +227,11 @@ def _movements(recording: Recording, one: Episode) -> list[tuple[int, int]]:
 
 def _seen_to_move(recording: Recording, one: Episode) -> list[tuple[int, int]]:
     n = len(one.points)
-    frame = one.frame[:-1].round().astype(np.int64)
     moving = np.zeros(n, bool)
     for box in range(2):
         at = len(JOINTS) + 4 * box
         if recording.tracks is not None:
-            place = recording.tracks[box, frame.clip(0, recording.tracks.shape[1] - 1), :2]
+            place = recording.tracks[box, _frames(recording.tracks, one), :2]
         else:
             place = np.median(one.points[:, at : at + 4], axis=1)
             if not np.isfinite(place).all(axis=1).any():
