@@ -100,16 +100,26 @@ def write_arrays(dest: Path, arrays: Mapping[str, NDArray[Any]], *, compressed: 
             consequence="it was not written",
             fix="look for coordinates that are far too large, or train more slowly",
         )
-    if (size := sum(values.nbytes for values in arrays.values())) > MOST_BYTES:
-        raise LimitError(
-            what,
-            where=f"it has {size:,} bytes, more than {MOST_BYTES:,}",
-            consequence="it was not written",
-            fix="train a smaller model",
-        )
+    require_size(dest, sum(values.nbytes for values in arrays.values()))
     write: Any = np.savez_compressed if compressed else np.savez
     with staged_file(dest, replaces=HEADS[".npz"]) as staging, staging.open("wb") as stream:
         write(stream, allow_pickle=False, **arrays)
+
+
+def require_size(dest: Path, n_bytes: int) -> None:
+    """Return if arrays of so many bytes can be kept: what is larger would not be read.
+
+    Raises
+    ------
+    LimitError : they cannot.
+    """
+    if n_bytes > MOST_BYTES:
+        raise LimitError(
+            f"cannot keep {dest}",
+            where=f"it has {n_bytes:,} bytes, more than {MOST_BYTES:,}",
+            consequence="it was not written",
+            fix="train a smaller model",
+        )
 
 
 def write_json(data: Mapping[str, Any], dest: Path) -> None:

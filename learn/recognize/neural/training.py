@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from ecat.progress import Progress, silent
+from learn.recognize.kept import require_size
 from learn.recognize.neural.checkpoints import Checkpoint, going_on, read_checkpoint, write_checkpoint
 
 Augment = Callable[[Tensor], Tensor]
@@ -100,12 +101,15 @@ def fit(
     ------
     InputError : the checkpoint is of other settings or sessions.
     CorruptError : it is damaged.
+    LimitError : it would be larger than what is read.
     """
     trainer = _Trainer(network, settings, max(1, len(inputs) // settings.batch))
     if checkpoint is not None and checkpoint.exists():
         kept = read_checkpoint(checkpoint, identity)
         with going_on(checkpoint):
             trainer.restore(kept)
+    elif checkpoint is not None:
+        require_size(checkpoint, trainer.n_bytes)  # before the first epoch, not after it
     history = trainer.history
     with one_thread():
         while trainer.epoch < settings.epochs and not trainer.is_done:
@@ -155,6 +159,13 @@ class _Trainer:
     @property
     def epoch(self) -> int:
         return len(self.history.losses)
+
+    @property
+    def n_bytes(self) -> int:
+        """Of a checkpoint, which also has what the optimiser knows of each parameter: of AdamW two numbers."""
+        parts = [value for part in self._parts().values() for value in part.values()]
+        known = [*self.network.parameters()] * 2 if self.averages else []
+        return sum(value.numel() * value.element_size() for value in [*parts, *known])
 
     @property
     def is_done(self) -> bool:

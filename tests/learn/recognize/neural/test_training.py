@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 import torch
 
-from ecat.errors import CorruptError, InputError
+from ecat.errors import CorruptError, InputError, LimitError
+from learn.recognize import kept
 from learn.recognize.dataset import Labels
+from learn.recognize.neural import training
 from learn.recognize.neural.checkpoints import read_tensors, write_tensors
 from learn.recognize.neural.networks import Dense, RawNetwork, SlotNetwork
 from learn.recognize.neural.training import History, Settings, fit
@@ -90,6 +92,23 @@ def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
     trained(SGD, epochs=2, checkpoint=tmp_path / "c.npz")
     with pytest.raises(InputError, match="cannot go on"):
         trained(SGD, checkpoint=tmp_path / "c.npz", identity="another")
+
+
+@pytest.mark.parametrize("settings", [SGD, ADAM])
+def test_a_network_whose_checkpoint_could_not_be_read_again_is_not_trained_at_all(
+    settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trained(settings, epochs=1, checkpoint=tmp_path / "c.npz")
+    arrays, _ = read_tensors(tmp_path / "c.npz")
+    kept_bytes = sum(values.numel() * values.element_size() for values in arrays.values())
+    monkeypatch.setattr(kept, "MOST_BYTES", kept_bytes - 8_000)  # random numbers' state has 5,056
+
+    def no_epoch(*_: object) -> float:
+        raise AssertionError("it was trained")
+
+    monkeypatch.setattr(training._Trainer, "run_epoch", no_epoch)
+    with pytest.raises(LimitError, match="train a smaller model"):
+        trained(settings, checkpoint=tmp_path / "other.npz")
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", b"\x80\x04K\x01."])
