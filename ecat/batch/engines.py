@@ -19,6 +19,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, Thr
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
 from multiprocessing import forkserver
+from multiprocessing.synchronize import Event
 from typing import Any, Literal, TypeVar
 
 from ecat.errors import MissingExtraError, UsageError
@@ -31,6 +32,8 @@ FEW = 4
 """Fewer tasks are done before other processes have started."""
 _WAITING = 8
 """Tasks handed over for each process, so that none waits and memory does not grow with the number of tasks."""
+_OF_RAY = 8
+"""Tasks that are one of Ray's, if there are many."""
 
 
 def usual_jobs(n_tasks: int) -> int:
@@ -43,27 +46,44 @@ def usual_jobs(n_tasks: int) -> int:
 class Workers(AbstractContextManager["Workers"]):
     """Who does the work, for the time of the block: processes, or the workers of Ray.
 
-    What takes them a second or more to start is begun when the block is entered, while the caller finds out what there
-    is to do.
+    What takes them a second or more to start is begun at once, while the caller finds out what there is to do; for
+    processes, if it is said that several are wanted.
 
     Parameters
     ----------
-    jobs : how many at once. imports : names of modules that the work needs, to be imported on the way.
+    jobs : how many at once; by default as many as are usual for the tasks.
+    imports : names of modules that the work needs, to be imported on the way.
 
     Raises
     ------
     MissingExtraError : Ray is wanted and is not installed.
     """
 
-    def __init__(self, engine: Engine, jobs: int, imports: Sequence[str] = ()) -> None:
-        self._jobs = max(1, jobs)
-        self._ray = _Cluster(self._jobs, imports) if engine == "ray" else None
-        if self._ray is None and self._jobs > 1:
+    def __init__(self, engine: Engine, jobs: int | None, imports: Sequence[str] = ()) -> None:
+        _end_if_imported_again()
+        self._jobs = jobs
+        self._imports = imports
+        self._ray = _Cluster(self.jobs(sys.maxsize), imports) if engine == "ray" else None
+        if engine == "processes" and jobs is not None and jobs > 1:
             _prepare(imports)
+
+    def jobs(self, n_tasks: int) -> int:
+        """How many of so many tasks are done at once."""
+        return usual_jobs(n_tasks) if self._jobs is None else max(1, min(self._jobs, n_tasks))
+
+    def here(self, n_tasks: int) -> bool:
+        """Whether so many tasks are no work for others: one process does them, and the caller is one."""
+        return self._ray is None and self.jobs(n_tasks) == 1
+
+    def end(self) -> None:
+        """No more work will come; what has to be ended is, while the caller goes on."""
+        if self._ray is not None:
+            self._ray.end()
 
     def __exit__(self, *failure: object) -> None:
         if self._ray is not None:
             self._ray.end()
+            self._ray.wait()
 
     def run(
         self,
@@ -84,13 +104,17 @@ class Workers(AbstractContextManager["Workers"]):
 
         Raises
         ------
-        UsageError : Ray's cluster cannot be started or reached.
+        UsageError : Ray's cluster cannot be started or reached; or processes cannot, as of :func:`pool`.
         """
         done: dict[int, _R] = {}
         following = 0
-        many = self._jobs
-        ray = self._ray
-        made = _surviving(work, tasks, many, died) if ray is None else _in_ray(ray, work, tasks, died)
+        jobs = self.jobs(len(tasks))
+        if self._ray is not None:
+            made = _in_ray(self._ray, work, tasks, died)
+        else:
+            if jobs > 1:
+                _prepare(self._imports)
+            made = _surviving(work, tasks, jobs, died)
         with contextlib.closing(made):
             for index, result in made:
                 keep(result)
@@ -118,8 +142,8 @@ def _in_processes(
     """The results as they come, their tasks out of ``left``.  If a process dies, this ends with what was under way."""
     waiting = iter(list(which))
     under_way: dict[Future[_R], int] = {}
-    with pool(jobs) as processes:
-        try:
+    try:
+        with pool(jobs) as processes:
             while True:
                 for index in _first(waiting, jobs * _WAITING - len(under_way)):
                     under_way[processes.submit(work, left[index])] = index
@@ -130,8 +154,8 @@ def _in_processes(
                 index = under_way.pop(finished)
                 del left[index]
                 yield index, result
-        except BrokenProcessPool:
-            return sorted(under_way.values())
+    except BrokenProcessPool:
+        return sorted(under_way.values())
 
 
 def _first(items: Iterator[_T], n: int) -> Iterator[_T]:
@@ -144,20 +168,47 @@ def _first(items: Iterator[_T], n: int) -> Iterator[_T]:
 
 @contextlib.contextmanager
 def pool(jobs: int) -> Generator[ProcessPoolExecutor]:
-    """Processes that end with the block, at once if it fails: a commit is made whole or not at all."""
+    """Processes that end with the block, at once if it fails: a commit is made whole or not at all.
+
+    Raises
+    ------
+    UsageError : a process has ended before it began.
+    """
+    _end_if_imported_again()
     others = set(multiprocessing.active_children())
+    begun = _context().Event()
     processes = ProcessPoolExecutor(
-        jobs, mp_context=_context(), initializer=_begin, initargs=(dict(os.environ),)
+        jobs, mp_context=_context(), initializer=_begin, initargs=(dict(os.environ), begun)
     )
     try:
         yield processes
-    except BaseException:
+    except BaseException as error:
         for child in set(multiprocessing.active_children()) - others:
             child.terminate()
         # the pool waits for its processes in a thread of its own; of two that wait for one, only one hears of its end
         processes.shutdown(cancel_futures=True)
+        if isinstance(error, BrokenProcessPool) and not begun.is_set():
+            raise _without_guard() from error
         raise
     processes.shutdown()
+
+
+def _without_guard() -> UsageError:
+    return UsageError(
+        "cannot do several sessions at once",
+        where="the other processes, which import the program's own file again, ended before they had begun",
+        consequence="no session was worked on",
+        fix='in a script, call ecat below `if __name__ == "__main__":`, or with jobs=1',
+    )
+
+
+def _end_if_imported_again() -> None:
+    """End a process whose only purpose was to do a task, and that does all of the program's work instead.
+
+    It imports the file of the program that has started it (``multiprocessing``, "Safe importing of main module").
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        os._exit(1)
 
 
 def _context() -> multiprocessing.context.BaseContext:
@@ -173,8 +224,9 @@ def _prepare(imports: Sequence[str]) -> None:
         forkserver.ensure_running()
 
 
-def _begin(environment: dict[str, str]) -> None:
+def _begin(environment: dict[str, str], begun: Event) -> None:
     """What a process does first: leave it to the one that started it to end it, and not outlive that one."""
+    begun.set()
     os.environ.update(environment)
     # Ctrl-C reaches every process of a terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -190,23 +242,31 @@ def _end_with_parent() -> None:
 def _in_ray(
     cluster: _Cluster, work: Callable[[_T], _R], tasks: Sequence[_T], died: Callable[[_T], _R]
 ) -> Generator[tuple[int, _R]]:
-    """The results of Ray core tasks, as they come."""
+    """The results of Ray core tasks, as they come; if there are many, a few of ours are one of Ray's."""
     ray = cluster.begun()
-    # a task that kills its worker is tried once more, as another may have taken the memory
-    remote = ray.remote(max_retries=1)(work)
-    left, under_way = iter(enumerate(tasks)), dict[Any, int]()
-    while True:
-        for index, task in _first(left, cluster.jobs * _WAITING - len(under_way)):
-            under_way[remote.remote(task)] = index
-        if not under_way:
-            return
+    # Ray serves one function's tasks in the order in which they come
+    remote = ray.remote(_each)
+    at_once = max(1, min(_OF_RAY, len(tasks) // (cluster.jobs * _WAITING)))
+    waiting = [range(i, min(i + at_once, len(tasks))) for i in range(0, len(tasks), at_once)][::-1]
+    under_way = dict[Any, range]()
+    while waiting or under_way:
+        while waiting and len(under_way) < cluster.jobs * _WAITING:
+            some = waiting.pop()
+            # a task that kills its worker is tried once more, as another may have taken the memory
+            tried = remote.options(max_retries=1 if len(some) == 1 else 0)
+            under_way[tried.remote(work, [tasks[i] for i in some])] = some
         [finished], _ = ray.wait(list(under_way))
-        index = under_way.pop(finished)
+        some = under_way.pop(finished)
         try:
-            result = ray.get(finished)
+            yield from zip(some, ray.get(finished), strict=True)
         except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
-            result = died(tasks[index])
-        yield index, result
+            if len(some) == 1:
+                yield some[0], died(tasks[some[0]])
+            waiting += [range(i, i + 1) for i in some] if len(some) > 1 else []
+
+
+def _each(work: Callable[[_T], _R], tasks: Sequence[_T]) -> list[_R]:
+    return [work(task) for task in tasks]
 
 
 class _Cluster:
@@ -227,6 +287,7 @@ class _Cluster:
         self._imports = ("ecat.batch", "pandas", *imports)
         self._own = False
         self._thread = ThreadPoolExecutor(1)
+        self._ended: Future[None] | None = None
         self._begun = self._thread.submit(self._begin)
 
     def begun(self) -> Any:
@@ -239,10 +300,17 @@ class _Cluster:
         return self._begun.result()
 
     def end(self) -> None:
-        """End what was begun here."""
+        """End what was begun here, in the background."""
+        # in the thread that has begun it: what Ray has started on this machine is killed when that one ends
+        self._ended = self._ended or self._thread.submit(self._end)
+
+    def wait(self) -> None:
+        """Wait until it has ended."""
         self._thread.shutdown()
+
+    def _end(self) -> None:
         if self._own:
-            self.begun().shutdown()
+            _ray().shutdown()
 
     def _begin(self) -> Any:
         ray = _ray()

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ecat import formats
-from ecat.batch.engines import Engine, Workers, usual_jobs
+from ecat.batch.engines import Engine, Workers
 from ecat.batch.faults import fault
 from ecat.batch.shards import Shard
 from ecat.errors import EcatError, UsageError
-from ecat.formats import ExportReport, Format, exporting, registry
+from ecat.formats import ExportReport, exporting, registry
 from ecat.formats.exporting import Made, Task
 from ecat.formats.options import read_options
 from ecat.progress import Progress, silent
@@ -41,25 +41,27 @@ def export_sessions(
 
     Raises
     ------
-    UsageError : as of ``formats.export``; or a share of a format that is only written as a whole.
+    UsageError : as of ``formats.export``; or a share of a format that is only written as a whole; or a script that
+        does not say ``if __name__ == "__main__"``, see :func:`ecat.batch.engines.pool`.
     StoreError : as of ``formats.export``.
     """
     path, dest = remote.place_of(path), remote.place_of(dest)
-    chosen = registry.find(format)
-    if chosen.part is None:
+    with Workers(engine, jobs, registry.own_modules(format)) as workers:
+        chosen = registry.find(format)
+        if chosen.part is None:
+            if shard is not None:
+                raise UsageError(
+                    f"cannot export a share of {path}",
+                    where=f"{chosen.name} is written as a whole",
+                    fix="leave out --shard, or choose another format",
+                )
+            return formats.export(path, dest, format=format, options=options, progress=progress)
+        chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
+        tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
         if shard is not None:
-            raise UsageError(
-                f"cannot export a share of {path}",
-                where=f"{chosen.name} is written as a whole",
-                fix="leave out --shard, or choose another format",
-            )
-        return formats.export(path, dest, format=format, options=options, progress=progress)
-    chosen_options: Any = read_options(chosen.options, options or {}, chosen.name)
-    tasks = exporting.tasks_of(path, dest, chosen, chosen_options)
-    if shard is not None:
-        with closing(_all(chosen, shard.of(tasks), jobs, engine, progress)) as outcomes:
-            return _share(tasks[0], list(outcomes))
-    return exporting.join(dest, chosen, tasks, _all(chosen, tasks, jobs, engine, progress), progress)
+            with closing(_all(shard.of(tasks), workers, progress)) as outcomes:
+                return _share(tasks[0], list(outcomes))
+        return exporting.join(dest, chosen, tasks, _all(tasks, workers, progress), progress)
 
 
 def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
@@ -73,11 +75,8 @@ def _share(any_task: Task, outcomes: Sequence[Made]) -> ExportReport:
     )
 
 
-def _all(
-    chosen: Format, tasks: Sequence[Task], jobs: int | None, engine: Engine, progress: Progress
-) -> Generator[Made]:
+def _all(tasks: Sequence[Task], workers: Workers, progress: Progress) -> Generator[Made]:
     """What becomes of them, in their order, each as soon as it and those before it are done."""
-    jobs = usual_jobs(len(tasks)) if jobs is None else max(1, min(jobs, len(tasks)))
     if len(tasks) == 1:
         yield exporting.make_part(tasks[0], progress)
         return
@@ -89,14 +88,14 @@ def _all(
         progress(outcome.task.label, done, len(tasks))
 
     progress("starting", 0, len(tasks))
-    if jobs == 1 and engine == "processes":
+    if workers.here(len(tasks)):
         for task in tasks:
             outcome = _outcome(task)
             keep(outcome)
             yield outcome
         return
-    with Workers(engine, jobs, [chosen.part.__module__] if chosen.part else []) as workers:
-        yield from workers.run(_outcome, tasks, died=_died, keep=keep)
+    yield from workers.run(_outcome, tasks, died=_died, keep=keep)
+    workers.end()
 
 
 def _outcome(task: Task) -> Made:

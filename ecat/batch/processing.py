@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ecat.batch.engines import Engine, Workers, usual_jobs
+from ecat.batch.engines import Engine, Workers
 from ecat.batch.faults import fault
 from ecat.batch.shards import Shard
 from ecat.errors import EcatError
@@ -73,7 +73,8 @@ def process_sessions(
 
     Raises
     ------
-    UsageError : an unknown stage.
+    UsageError : an unknown stage; or a script that does not say ``if __name__ == "__main__"``, see
+        :func:`ecat.batch.engines.pool`.
     MissingExtraError : Ray is wanted and is not installed.
     """
     require_stages(stages or ())
@@ -90,9 +91,8 @@ def process_sessions(
     ]
     if len(paths) == 1 and tasks and engine == "processes":
         return [_attempt(tasks[0], progress)]
-    jobs = usual_jobs(len(tasks)) if jobs is None else min(jobs, len(tasks))
-    with Workers(engine, jobs, _IMPORTS) as workers:
-        spread = _Spread(workers if engine == "ray" or jobs > 1 else None, name, progress)
+    with Workers(engine, jobs if jobs is None else min(jobs, len(tasks)), _IMPORTS) as workers:
+        spread = _Spread(None if workers.here(len(tasks)) else workers, name, progress)
         if prototypes is None and set(stages or ()) != {_FIRST}:
             return _with_boxes(tasks, paths, spread)
         return spread.all(tasks)

@@ -5,6 +5,7 @@ An entry point names a :class:`ecat.formats.format.Format`: ``module:NAME``, or 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -58,7 +59,12 @@ _OWN = {
 @cache
 def all_formats() -> tuple[Format, ...]:
     """Every format, in the order of their names.  Ecat's own are there even if it runs from a bare checkout."""
-    return tuple(load(name, value) for name, value in sorted(places().items()))
+    return tuple(_each())
+
+
+def _each() -> Iterator[Format]:
+    """The same, each loaded when it is its turn."""
+    return (load(name, value) for name, value in sorted(places().items()))
 
 
 @cache
@@ -92,6 +98,11 @@ def find(name: str) -> Format:
     raise UsageError(f"unknown format {name!r}", where=f"known formats: {names}", fix="ecat formats")
 
 
+def own_modules(name: str) -> list[str]:
+    """The module of the format called ``name``, not imported, if it is one of ecat's."""
+    return [_OWN[name].partition(":")[0]] if name in _OWN else []
+
+
 def refuse_own(path: Path) -> None:
     """Say so when ``path`` is what an import makes.
 
@@ -123,7 +134,7 @@ def sniff(path: Path) -> Format:
     """
     if not path.exists():
         raise NotFoundError(f"cannot import {path}", where="no such file or folder", fix="check the path")
-    for known in all_formats():
+    for known in _each():
         if known.sniff is not None and known.sniff(path):
             return known
     raise FormatError(
@@ -136,5 +147,5 @@ def sniff(path: Path) -> Format:
 
 def side_file(path: Path) -> SideFile | None:
     """The kind of side file that the file at ``path`` looks like, if any."""
-    kinds = (kind for known in all_formats() for kind in known.side_files)
+    kinds = (kind for known in _each() for kind in known.side_files)
     return next((kind for kind in kinds if kind.sniff(path)), None)

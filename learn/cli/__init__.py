@@ -12,7 +12,11 @@ learn = Group(
     "learn",
     [qsr, features],
     """Learn from sessions, and compute what learners are fed.""",
-    examples=("ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",),
+    examples=(
+        "ecat learn qsr tracks.parquet --relation cardir -o cardir.parquet",
+        "ecat learn features my_session --set ch5-qualitative -o features.parquet",
+        "ecat learn recognize train exports --run runs/first --model trees",
+    ),
 )
 recognize.add_command(predict)
 learn.add_command(recognize)

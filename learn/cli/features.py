@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os.path
 import re
+import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -26,15 +27,19 @@ if TYPE_CHECKING:
     from learn.features.recordings import Recording
     from learn.features.sets import FeatureSet, Fitted
 
+_FEW = 3
+"""Recordings that a line names."""
+
 
 @verb(
     "features",
     examples=(
         "ecat learn features --list",
+        "ecat learn features --list --set ch4-qsr25",
         "ecat learn features my_session --set ch5-qualitative -o features.parquet",
         'ecat learn features my_project --set ch5-network --every 2 --objects "Shell" "Stella Artois" -o f.parquet',
-        "ecat learn features exports/train --set ch4-qsr --fit planes.json -o train.parquet",
-        "ecat learn features exports/test --set ch4-qsr --transform planes.json -o test.parquet",
+        "ecat learn features exports/train --set ch4-qsr25 --fit planes.json -o train.parquet",
+        "ecat learn features exports/test --set ch4-qsr25 --transform planes.json -o test.parquet",
     ),
 )
 @click.argument(
@@ -45,7 +50,7 @@ if TYPE_CHECKING:
     help="Sessions, projects or workspaces; learning exports, or folders of them (*.txt).",
 )
 @click.option("--set", "name", metavar="NAME", help="The set of features (--list).")
-@click.option("--list", "listed", is_flag=True, help="List the sets.")
+@click.option("--list", "listed", is_flag=True, help="List the sets; with --set, the columns of one.")
 @click.option(
     "--objects",
     nargs=2,
@@ -97,9 +102,7 @@ def features(
     from learn.features.sets import SETS, feature_set
 
     if listed:
-        rows = [_described(one) for one in SETS.values()]
-        head = ("set", "columns", "row", "made of", "transform", "source")
-        out.result({"sets": rows}, columns([head, *(tuple(str(row[key]) for key in head) for row in rows)]))
+        _list(out, SETS.values() if name is None else [feature_set(name)], alone=name is not None)
         return 0
     if not sources or name is None or dest is None:
         missing = "SOURCE" if not sources else "--set NAME" if name is None else "-o FILE"
@@ -123,13 +126,35 @@ def features(
         fitted = _fitted(wanted, recordings, fit, transform)
         done, more = _write(dest, wanted, recordings, fitted, every=every, fit=fit)
     failed += more
-    findings += [f"{recording.name}: {said}" for recording in recordings for said in recording.findings]
+    findings += _gathered(recordings)
     rows_done = sum(done.values())
     text = f"wrote {count(rows_done, 'row')} of {count(len(done), 'recording')} to {dest}"
     lines = [text, *(f"  {said}" for said in findings), *(str(error) for error in failed)]
     data = {"path": str(dest), "rows": rows_done, "sessions": done, "findings": findings}
     out.result(data | {"failures": [e.to_dict() for e in failed]}, "\n".join(lines), ok=not failed)
     return 1 if failed else 0
+
+
+def _gathered(recordings: Sequence[Recording]) -> list[str]:
+    """What is to be known of recordings, a line for all of which it is the same."""
+    whose: dict[str, list[str]] = {}
+    for recording in recordings:
+        for said in recording.findings:
+            whose.setdefault(said, []).append(recording.name)
+    return [
+        f"{', '.join(names[:_FEW])}{f' and {len(names) - _FEW:,} more' * (len(names) > _FEW)}: {said}"
+        for said, names in whose.items()
+    ]
+
+
+def _list(out: Output, sets: Iterable[FeatureSet], *, alone: bool) -> None:
+    """Print a line for each set; of one alone, also how its columns are to be read, and their names."""
+    rows = [_described(one) for one in sets]
+    head = ("set", "columns", "row", "made of", "transform", "source", "what")
+    lines = [columns([head, *(tuple(str(row[key]) for key in head) for row in rows)])]
+    if alone:
+        lines += [textwrap.fill(rows[0]["named"], 110), *(f"  {column}" for column in rows[0]["names"])]
+    out.result({"sets": rows}, "\n".join(lines))
 
 
 def _described(one: FeatureSet) -> dict[str, Any]:
@@ -141,6 +166,8 @@ def _described(one: FeatureSet) -> dict[str, Any]:
         "made of": one.inputs,
         "transform": transform or "-",
         "source": one.source,
+        "what": one.what,
+        "named": one.named,
         "names": list(one.columns()),
     }
 
@@ -266,7 +293,15 @@ def _write(
     tables = _tables(recordings, partial(features_of, wanted=wanted, transform=fitted, every=every), failed)
     first = next(tables, None)
     if first is None:
-        raise failed[0] if failed else UsageError("cannot compute features", where="there are no recordings")
+        raise (
+            failed[0]
+            if failed
+            else UsageError(
+                "cannot compute features",
+                where="there are no recordings with frames",
+                fix="give sessions or exports that have some",
+            )
+        )
     schema = first.schema.with_metadata(schema_of(wanted, first))
     with staged_file(dest) as staging:
         with pq.ParquetWriter(staging, schema, compression="zstd") as writer:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ecat.cli.output import Output
+from ecat.cli.output import Output, printable
 from ecat.cli.text import count
 from ecat.cli.verb import verb
-from ecat.errors import UsageError
+from ecat.errors import EcatError, UsageError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,7 +43,7 @@ NAMES = (
     "tracks",
     type=click.Path(path_type=Path),
     help="A Parquet file with the columns track, frame, x1, y1, x2, y2; for boxes w1, h1, w2, h2; for tpcc x3, y3.  "
-    "Or a session with poses.",
+    "Or a session with poses (ecat process).",
 )
 @click.option("--relation", type=click.Choice(NAMES), required=True, help="What to compute.")
 @click.option(
@@ -125,7 +125,8 @@ def qsr(
 
     Relations of movement (mos and qtc) are told at the later of two frames, so the first frame of a track has no row.
     With --collapse or --validate, frame is the place of a state in the chain of its track, from 1, and what is not
-    known has no place.  Values are as QSRLib prints them: qtccs "-,0,+,0", ra "<,mi".
+    known has no place.  Values are as QSRLib prints them: qtccs "-,0,+,0", ra "<,mi".  Of rcc and ra, an object without
+    a size is a point, and that is said.
 
     Of a session, the relation is that of its objects seen from above, on the table; the result has a row for each
     frame of each pair, with the columns a, b, c, relation and value.  With --propose, what holds for some frames
@@ -139,12 +140,35 @@ def qsr(
     found, chained = relation_named(relation, collapse=collapse, validate=validate), (collapse, validate)
     if (tracks / SESSION_FILE).is_file():
         _of_session(out, tracks, dest, found, given, object_=object_, chained=chained, **of_session)
+    elif there := _sessions_in(tracks):
+        raise _not_one(relation, tracks, there)
     elif dest is None or any(of_session.values()):
         wrong = "--of, --propose and --least are about sessions" if dest else "no file to write is given"
         fix = "give a session, or -o FILE"
         raise UsageError(f"cannot compute {relation} of {tracks}", where=wrong, fix=fix)
     else:
         _of_file(out, tracks, dest, found, given, object_=object_, chained=chained)
+
+
+def _sessions_in(folder: Path) -> list[Path]:
+    """The sessions that a folder holds which is none itself."""
+    from ecat.errors import NotFoundError
+    from ecat.store import find_sessions
+
+    try:
+        return [] if folder.is_file() else find_sessions(folder)
+    except NotFoundError:
+        return []
+
+
+def _not_one(relation: str, folder: Path, there: Sequence[Path]) -> EcatError:
+    """Why nothing is computed of a folder that holds sessions."""
+    names = ", ".join(map(str, there[:3])) + (f" and {len(there) - 3:,} more" if len(there) > 3 else "")
+    return UsageError(
+        f"cannot compute {relation} of {folder}",
+        where=f"it holds {count(len(there), 'session')}: {names}",
+        fix=f"name one of them: ecat learn qsr {there[0]}",
+    )
 
 
 def _of_file(
@@ -178,7 +202,15 @@ def _of_file(
     if written.missing:
         text += f"; {written.missing:,} without a value, where a position is not known"
     data = {"path": str(dest), "rows": written.rows, "tracks": written.tracks, "missing": written.missing}
-    out.result(data, text)
+    missing = ", ".join(f"w{k}, h{k}" for k in written.points)
+    notes = [
+        *_points_said(
+            relation, [str(k) for k in written.points], f"{tracks} does not have both of {missing}"
+        ),
+        *_no_rows_said(relation, written.rows),
+    ]
+    _note(out, notes)
+    out.result(data | {"findings": notes}, text)
 
 
 def _of_session(
@@ -208,16 +240,23 @@ def _of_session(
         raise UsageError(what, where=where, fix="leave it out")
     session = open_session(path)
     collapse, validate = chained
+    sizes = _sizes(session) if relation.of_boxes else {}
     track = qualitative_tracks(
         session,
         relation.name,
         of=_objects_of(session, of),
-        sizes_m=_sizes(session),
+        sizes_m=sizes,
         collapse=collapse,
         validate=validate,
         **_parameters(relation, given),
     )
-    data: dict[str, Any] = {"session": str(path), "rows": track.num_rows}
+    named = {str(name) for name in track["a"].unique().to_pylist()}
+    sizeless = sorted(named - set(sizes)) if relation.of_boxes else []
+    notes = [
+        *_points_said(relation, sizeless, "no box is known that they are"),
+        *_no_rows_said(relation, track.num_rows),
+    ]
+    data: dict[str, Any] = {"session": str(path), "rows": track.num_rows, "findings": notes}
     said: list[str] = []
     if dest is not None:
         _write_track(track, dest)
@@ -228,7 +267,28 @@ def _of_session(
         replaced = replace_proposals(session, author_of(relation.name), relations=found)
         data |= {"proposed": replaced.added, "removed": replaced.removed, "kept": replaced.kept}
         said.append(f"proposed {count(replaced.added, 'relation')} in {path}")
+    _note(out, notes)
     out.result(data, "\n".join(said))
+
+
+def _points_said(relation: Relation, names: Sequence[str], why: str) -> list[str]:
+    if not names:
+        return []
+    what = f"object {names[0]} is a point" if len(names) == 1 else f"objects {', '.join(names)} are points"
+    return [f"in {relation.name}, {what}: {why}"]
+
+
+def _no_rows_said(relation: Relation, rows: int) -> list[str]:
+    if rows:
+        return []
+    return ["there are no rows" + (": no frame follows another in its track" if relation.frames > 1 else "")]
+
+
+def _note(out: Output, notes: Sequence[str]) -> None:
+    """Say what is to be known of a result, beside it."""
+    if not out.quiet:
+        for note in notes:
+            click.echo(printable(f"note: {note}"), err=True)
 
 
 def _objects_of(session: Session, of: tuple[str, ...]) -> list[tuple[str, ...]] | None:
@@ -238,11 +298,12 @@ def _objects_of(session: Session, of: tuple[str, ...]) -> list[tuple[str, ...]] 
 
 
 def _sizes(session: Session) -> dict[str, tuple[float, float, float]]:
-    """Edges of the session's boxes, by object."""
+    """Edges of the session's boxes, by object; nominal ones where they were not measured, as in poses."""
+    from ecat.model.prototype import NOMINAL_BOXES
     from ecat.process import kept_prototypes
     from ecat.process.inputs import annotated_objects, box_objects
 
-    boxes = kept_prototypes(session)
+    boxes = kept_prototypes(session) or NOMINAL_BOXES
     return {
         name: box.size_m
         for name, box in zip(box_objects(annotated_objects(session), boxes), boxes, strict=True)

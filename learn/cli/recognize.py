@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,16 @@ import click
 from ecat.cli.output import Output
 from ecat.cli.text import count
 from ecat.cli.verb import Group, verb
+
+
+class Share(click.FloatRange):
+    """A number in a range, and not NaN, which click takes for one."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or a wrong call."""
+        found = super().convert(value, param, ctx)
+        return self.fail(f"{value} is no number.", param, ctx) if math.isnan(found) else found
+
 
 SOURCE = click.argument(
     "source",
@@ -35,7 +46,8 @@ MODEL = click.option(
     ),
     default="mixture",
     show_default=True,
-    help="Boosted trees, one of the thesis, a generative one, a network of raw points, or it and the trees together.",
+    help="mixture: trees and neural together, the best, in minutes.  trees: boosted trees, in seconds.  neural: a "
+    "network that sees raw points.  hmm, lds: generative.  The others: networks of the thesis.",
 )
 TREES = click.option(
     "--trees",
@@ -55,13 +67,13 @@ HIDDEN = click.option(
 LAYERS = click.option("--layers", type=click.IntRange(1, 8), metavar="N", help="Of an LSTM: layers.")
 RATE = click.option(
     "--rate",
-    type=click.FloatRange(0, 100, min_open=True),
+    type=Share(0, 100, min_open=True),
     metavar="R",
     help="Of a network: the rate at which it learns.",
 )
 VALIDATION = click.option(
     "--validation",
-    type=click.FloatRange(0, 0.5),
+    type=Share(0, 0.5),  # MOST_VALIDATION, of what is too slow to import for a help text
     metavar="SHARE",
     help="Of a network: share of the sessions that say when to stop; 0 trains for all epochs.",
 )
@@ -96,16 +108,25 @@ def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> N
     """Train a recogniser on all sessions of a folder.
 
     RUN gets config.json (features, settings, labels), metrics.json (what it was trained on, and how that went), and
-    the model as arrays: reading it executes nothing.  A folder in which there is a model is refused.  The training of
-    a network is kept after every epoch, and the same command goes on where it was interrupted; its learning curves
-    and, where sessions were set aside for validation, the confusions in them become pictures.
+    the model as arrays: reading it executes nothing.  A folder in which there is a model or a cross-validation is
+    refused.  The training of a network is kept after every epoch, and the same command goes on where it was
+    interrupted; its learning curves and, where sessions were set aside for validation, the confusions in them become
+    pictures.
     """
     import time
 
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import scores
     from learn.recognize.kept import write_json
-    from learn.recognize.runs import METRICS, draw_training, forget_training, refuse_taken, save, validated
+    from learn.recognize.runs import (
+        METRICS,
+        draw_training,
+        forget_training,
+        refuse_taken,
+        save,
+        unstopped,
+        validated,
+    )
     from learn.recognize.runs import train as trained
 
     options = _options(model, **said)
@@ -114,6 +135,7 @@ def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> N
     findings: list[str] = []
     with out.progress() as progress:
         sessions = read_exports(source, progress, findings)
+        findings += filter(None, [unstopped(model, options, sessions)])
         recognizer, course = trained(model, sessions, options, run=run, progress=progress)
         save(recognizer, run)
     forget_training(run)
@@ -145,12 +167,13 @@ def train(out: Output, *, source: Path, run: Path, model: str, **said: Any) -> N
 @SOURCE
 @RUN
 def evaluate(out: Output, *, source: Path, run: Path) -> None:
-    """Say how often a trained recogniser is right about the sessions of a folder.
+    """Say how often a trained recogniser is right.
 
-    Shares of windows are printed whose whole label is right (tuple), and each slot of it: of windows alone, which see
-    20 frames, and with context, which see their session.  RUN/predictions.parquet gets a row for each window with its
-    true and its predicted slots and how probable these are; RUN/evaluation.json the figures, and pictures show what was
-    taken for what.  They say something only about sessions that the recogniser was not trained on.
+    Of all sessions of a folder, shares of windows are printed whose whole label is right (tuple), and each slot of
+    it: of windows alone, which see 20 frames, and with context, which see their session.  RUN/predictions.parquet
+    gets a row for each window with its true and its predicted slots and how probable these are; RUN/evaluation.json
+    the figures, and pictures show what was taken for what.  They say something only about sessions that the
+    recogniser was not trained on.
     """
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import (
@@ -211,7 +234,7 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
 )
 @click.option(
     "--share",
-    type=click.FloatRange(0, 1, min_open=True),
+    type=Share(0, 1, min_open=True),
     default=1.0,
     metavar="SHARE",
     help="Learn from so many of all sessions, four fifths at most.",
@@ -226,32 +249,42 @@ def evaluate(out: Output, *, source: Path, run: Path) -> None:
 def crossval(
     out: Output, *, source: Path, run: Path, kind: Any, seeds: int, share: float, model: str, **said: Any
 ) -> None:
-    """Say how good a recogniser is on sessions it has not seen, by five folds that are always the same.
+    """Say how good a recogniser is on sessions it has not seen.
 
-    Each fifth of the sessions is recognised by what was trained on the other four; nothing is fitted to a session that
-    is tested.  RUN gets crossval.json (with baselines for trees; also without the sessions whose labels look inverted),
-    predictions.parquet, pictures of the confusions, and limits.json and limits.png: how errors lie about changes of
-    the label, and in which slots.  Folds are kept in RUN/folds: the same command goes on where it was interrupted.
+    There are five folds, always the same.  Each fifth of the sessions is recognised by what was trained on the other
+    four; nothing is fitted to a session that is tested.  RUN gets crossval.json (with baselines for trees; also
+    without the sessions whose labels look inverted), predictions.parquet, pictures of the confusions, and limits.json
+    and limits.png: how errors lie about changes of the label, and in which slots.  Folds are kept in RUN/folds: the
+    same command goes on where it was interrupted.
     """
     from dataclasses import replace
 
     from learn.recognize.crossval import cross_validate_model
     from learn.recognize.dataset import read_exports
-    from learn.recognize.evaluation import CONFUSIONS, PREDICTIONS, draw_all_confusions, write_predictions
+    from learn.recognize.evaluation import (
+        CONFUSIONS,
+        PREDICTIONS,
+        draw_all_confusions,
+        splits_of,
+        write_predictions,
+    )
     from learn.recognize.kept import require_free, write_json
     from learn.recognize.limits import draw_limits, limits
+    from learn.recognize.runs import CROSSVAL, FOLDS, refuse_other_work, unstopped
 
     options = _options(model, **said)
     pictures = ("limits.png", *CONFUSIONS.values())
-    require_free(run, (PREDICTIONS, "crossval.json", "limits.json", *pictures))
+    refuse_other_work(run, training=False)
+    require_free(run, (PREDICTIONS, CROSSVAL, "limits.json", *pictures))
     findings: list[str] = []
     with out.progress() as progress:
         sessions = read_exports(source, progress, findings)
+        findings += filter(None, [unstopped(model, options, splits_of(sessions, kind)[0][0])])
         repeated = [replace(options, seed=seed) for seed in range(seeds)]
         result, found = cross_validate_model(
-            sessions, model, kind, repeated, share=share, keep=run / "folds", progress=progress
+            sessions, model, kind, repeated, share=share, keep=run / FOLDS, progress=progress
         )
-    write_json(result, run / "crossval.json")
+    write_json(result, run / CROSSVAL)
     write_json(limits(found), run / "limits.json")
     write_predictions(found, run / PREDICTIONS)
     findings += _drawn(
@@ -281,10 +314,11 @@ def crossval(
     help="The CSV file to write.",
 )
 def folds(out: Output, *, source: Path, dest: Path) -> None:
-    """Deal the sessions of a folder out to five folds, at random and in blocks.
+    """Deal sessions out to five folds.
 
-    The CSV has the columns file, session, random, blocks.  The folds that crossval uses were made like this once and
-    come with ecat; sessions that are not among them are dealt out by a hash of their file and name.
+    They are dealt out twice, at random and in blocks.  The CSV has the columns file, session, random, blocks.  The
+    folds that crossval uses were made like this once and come with ecat; sessions that are not among them are dealt
+    out by a hash of their file and name.
     """
     from learn.recognize.dataset import read_exports
     from learn.recognize.folds import make_folds, write_folds
@@ -302,7 +336,11 @@ recognize = Group(
     "recognize",
     [train, evaluate, crossval, folds],
     """Recognise who does what to which box, window by window.""",
-    examples=("ecat learn recognize train exports --run runs/first",),
+    examples=(
+        "ecat learn recognize train exports --run runs/first --model trees",
+        "ecat learn recognize evaluate others --run runs/first",
+        "ecat learn recognize predict my_session --run runs/first",
+    ),
 )
 
 

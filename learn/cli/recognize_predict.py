@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ecat.cli.output import Output
+from ecat.cli.output import Output, printable
 from ecat.cli.text import count
 from ecat.cli.verb import verb
 from ecat.errors import EcatError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ecat.model import Event
     from ecat.progress import Progress
+    from learn.recognize.episodes import Action
     from learn.recognize.runs import Recognizer
 
 
@@ -64,15 +67,16 @@ def predict(
     layer: str,
     remove: bool,
 ) -> int:
-    """Propose who does what to which box in sessions: frames, confidence, text.
+    """Propose who does what to which box in sessions.
 
     What is recognised becomes events in the layer `machine`, to be accepted or rejected like those of `ecat process`:
     in `ecat annotate`, or by `ecat proposal`; `ecat view` shows them.  Each has its span, a text, the roles Subject,
     Object and Locative, a confidence, and a preposition.  Proposals of an earlier call are replaced, but for those that
     people have decided about; what others proposed or people said stays as it is.
 
-    Best after `ecat process`, which tells where the table and the boxes are.  What a session lacks is said; without a
-    skeleton actions are recognised by the boxes alone, and less well.
+    Best after `ecat process`, which tells where the table and the boxes are.  What a session lacks is said, and what
+    was left out: windows in which a box is mostly unseen, or over which the clock jumps, say nothing.  Without a
+    skeleton actions are recognised by the boxes alone, and less well, above all who acts.
     """
     from ecat.cli.describe import sessions_at
     from ecat.errors import UsageError
@@ -93,6 +97,9 @@ def predict(
                 if len(sessions) == 1:
                     raise
                 failed.append((session, error))
+    for session in done:
+        if session["guessed"] and not out.quiet:
+            click.echo(printable(f"{session['path']}: {session['guessed']}"), err=True)
     data = {"sessions": done, "failures": [{"path": str(path), "error": e.to_dict()} for path, e in failed]}
     lines = [line for session in done for line in _lines(session)] + [f"{path}: {e}" for path, e in failed]
     out.result(data, "\n".join(lines) or "no sessions: there was nothing to do", ok=not failed)
@@ -109,15 +116,18 @@ def _predicted(
     from ecat.store import open_session
     from learn.features.recordings import read_session
     from learn.recognize.episodes import recognize
-    from learn.recognize.proposals import AUTHOR, events_of, replace_proposals
+    from learn.recognize.proposals import AUTHOR, events_of, replace_proposals, require_free_layer
 
     session = open_session(path)
-    events, findings = (), ()
+    events, findings, guessed = (), list[str](), ""
+    require_free_layer(session, layer)
     if trained is not None:
         recognizer, run = trained
         recording = read_session(session, objects)
-        events = events_of(session, recording, recognize(recording, recognizer, progress, run=run))
-        findings = recording.findings
+        findings += recording.findings
+        actions = recognize(recording, recognizer, progress, run=run, findings=findings)
+        events = events_of(session, recording, actions)
+        guessed = _guessed(actions)
     replaced = replace_proposals(session, AUTHOR, events, layer=layer)
     return {
         "path": str(path),
@@ -136,8 +146,20 @@ def _predicted(
         "added": len(replaced.events),
         "removed": replaced.removed,
         "kept": replaced.kept,
-        "findings": list(findings),
+        "findings": findings,
+        "guessed": guessed,
     }
+
+
+def _guessed(actions: Sequence[Action]) -> str:
+    """That it is hardly known who acts, where no joints were seen; nothing if they were."""
+    blind = sum(not action.has_joints for action in actions)
+    if not blind:
+        return ""
+    return (
+        f"no joints were seen in {blind:,} of {count(len(actions), 'action')}: the performer's were made up, as they "
+        "usually are, so who acts (Subject) is less sure than the confidence says"
+    )
 
 
 def _confidence(event: Event) -> float:

@@ -146,7 +146,9 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
     both = all(name in poses and np.isfinite(poses[name]).all(axis=1).any() for name in pair)
     tracks = np.stack([interpolated(track_of(poses[name])) for name in pair]) if both else None
     if tracks is None:
-        missing.append("there are no poses of both boxes: ecat process")
+        missing.append(
+            "there are no poses of both boxes, so it is not known where they are on the table (ecat process)"
+        )
     moves = _moves(session, pair)
     return Recording(
         session.name, points, tracks, t_s, pair, rig, planes, moves, (*findings, *missing, *told)

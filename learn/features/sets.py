@@ -30,7 +30,8 @@ class FeatureSet:
 
     Attributes
     ----------
-    name, source : what it is called, and where it is described.
+    name, source : what it is called, also by models that see it, and where it is described.
+    what, named : what it is, and how its columns are to be read.
     columns : names of its columns.
     compute : of a recording and a transform, its rows (n, columns).
     per : what a row is of; of windows of 20 frames, every 5 frames.
@@ -41,6 +42,8 @@ class FeatureSet:
 
     name: str
     source: str
+    what: str
+    named: str
     columns: Callable[[], tuple[str, ...]]
     compute: Callable[[Recording, Fitted], NDArray[Any]]
     per: Literal["frame", "window"] = "frame"
@@ -111,9 +114,11 @@ def features(
 
 
 def schema_of(wanted: FeatureSet, table: pa.Table) -> dict[str, str]:
-    """What a file of features says about them: set, source, what a row is of."""
+    """What a file of features says about them: set, source, what they are, what a row is of."""
     return {
         "ecat:features": wanted.name,
+        "ecat:what": wanted.what,
+        "ecat:named": wanted.named,
         "ecat:source": wanted.source,
         "ecat:row": wanted.per,
         "ecat:columns": str(table.num_columns - 2),
@@ -179,7 +184,10 @@ def _windows(recording: Recording, transform: Fitted) -> NDArray[Any]:
             else "no table is known"
         )
         raise _unfit(
-            recording, SETS["windows"], where, "--transform FILE with a table fitted to other recordings"
+            recording,
+            SETS[windows.VERSION],
+            where,
+            "--transform FILE with a table fitted to other recordings",
         )
     points, table = (recording.points, table) if table is not None else parts[0][1:]
     assert table is not None
@@ -202,18 +210,33 @@ def _fixed(columns: Sequence[str]) -> Callable[[], tuple[str, ...]]:
     return lambda: tuple(columns)
 
 
-_CH4 = "thesis chapter 4"
+_CH4, _CH5 = "thesis chapter 4", "thesis chapter 5"
+_PAIRS = ", ".join(f"{number} {ch4.PLACES[a]} and {ch4.PLACES[b]}" for number, (a, b) in enumerate(ch4.PAIRS))
+_QSR = (
+    f"*_diff_K: change from the frame before of the code of the direction (cardir) or the distance (argd) of pair K: "
+    f"{_PAIRS}; mos_*: 1 if it moved; qtc_*: signs of QTC of the boxes, -1 for towards"
+)
+_BLOCKS = (
+    "first is the block that moves, anew for each five frames; *_change to the next frame, 0 at the last"
+)
+_CODES = (
+    "codes, 0 at the first frame where they are of a change; -1 of QTC is towards; rotations in eighths of pi"
+)
 _ALL = (
     FeatureSet(
         name="ch4-raw",
-        source=f"{_CH4}: the numbers of a frame as they are",
+        source=_CH4,
+        what="places of joints and of markers' corners",
+        named="metres in the Kinect's camera space; o1_corner1 to o2_corner4 are corners of a marker of either box",
         columns=_raw_columns,
         compute=lambda recording, _: recording.points.reshape(-1, 3 * N_POINTS),
         inputs="joints and markers",
     ),
     FeatureSet(
-        name="ch4-pcas",
-        source=f"{_CH4}: nine places in the planes of most variance",
+        name="ch4-pcas18",
+        source=_CH4,
+        what="nine places in the planes of most variance",
+        named="metres in the plane; body is the shoulders' middle, hands are their finger tips",
         columns=_fixed(ch4.PCAS_COLUMNS),
         compute=_places,
         inputs="joints and markers",
@@ -221,8 +244,10 @@ _ALL = (
         always=True,
     ),
     FeatureSet(
-        name="ch4-qsr",
-        source=f"{_CH4}: changes of relations between these places",
+        name="ch4-qsr25",
+        source=_CH4,
+        what="changes of directions and distances of nine pairs, what moved, QTC of the boxes",
+        named=_QSR,
         columns=_fixed(ch4.QSR_COLUMNS),
         compute=_qsr,
         inputs="joints and markers",
@@ -230,8 +255,10 @@ _ALL = (
         always=True,
     ),
     FeatureSet(
-        name="ch4-qsr-sparse",
-        source=f"{_CH4}: ch4-qsr, one-hot",
+        name="ch4-sparse522",
+        source=_CH4,
+        what="ch4-qsr25, one-hot",
+        named="NAME=V: 1 where the column NAME of ch4-qsr25 has the value V",
         columns=_fixed(ch4.SPARSE_COLUMNS),
         compute=lambda recording, transform: ch4.sparse522(_qsr(recording, transform)),
         inputs="joints and markers",
@@ -239,8 +266,10 @@ _ALL = (
         always=True,
     ),
     FeatureSet(
-        name="ch4-event",
-        source=f"{_CH4}: ch4-qsr of the first frame, the last, and their difference",
+        name="ch4-event75",
+        source=_CH4,
+        what="ch4-qsr25 of the first frame, the last, and their difference",
+        named="first_, last_, last_minus_first_, then a column of ch4-qsr25",
         columns=_fixed(ch4.EVENT_COLUMNS),
         compute=_event,
         per="window",
@@ -250,42 +279,54 @@ _ALL = (
     ),
     FeatureSet(
         name="ch5-transforms",
-        source="thesis 2.2.1: transforms, their difference, their gradients",
+        source="thesis 2.2.1",
+        what="transforms of both blocks, their difference, their changes",
+        named=f"metres and radians; {_BLOCKS}",
         columns=_fixed(ch5.TRANSFORM_COLUMNS),
         compute=lambda recording, _: ch5.transforms(*_ranked(recording)),
         transform="table",
     ),
     FeatureSet(
         name="ch5-quantitative",
-        source="thesis chapter 5: corners, their changes and difference",
+        source=_CH5,
+        what="corners of both blocks, their changes, their difference",
+        named=f"metres on the table; {_BLOCKS}",
         columns=_fixed(ch5.QUANTITATIVE_COLUMNS),
         compute=lambda recording, _: ch5.quantitative(*_ranked(recording)),
         transform="table",
     ),
     FeatureSet(
         name="ch5-qualitative",
-        source="thesis 2.2.2: F1 to F13",
+        source="thesis 2.2.2",
+        what="F1 to F13: direction, distance, movement, rotations, and changes of these",
+        named=f"{_CODES}; columns are in the order F1 to F13",
         columns=_fixed(ch5.QUALITATIVE_COLUMNS),
         compute=lambda recording, _: ch5.qualitative(*_ranked(recording)),
         transform="table",
     ),
     FeatureSet(
         name="ch5-network",
-        source="thesis chapter 5: input of the progress networks",
+        source=_CH5,
+        what="what the progress networks saw",
+        named=f"{_CODES}; a turn by seven sectors is one the other way",
         columns=_fixed(ch5.NETWORK_COLUMNS),
         compute=lambda recording, _: ch5.network_input(ch5.qualitative(*_ranked(recording))),
         transform="table",
     ),
     FeatureSet(
         name="ch5-network-8",
-        source="thesis chapter 5: the same with the distance, for SlideNext",
+        source=_CH5,
+        what="the same with the distance, for SlideNext",
+        named="argd: the distance in steps of half a block; then the columns of ch5-network",
         columns=_fixed(ch5.NETWORK8_COLUMNS),
         compute=lambda recording, _: ch5.network_input(ch5.qualitative(*_ranked(recording)), distance=True),
         transform="table",
     ),
     FeatureSet(
-        name="windows",
-        source=f"ecat: what its recogniser sees of a window ({windows.VERSION})",
+        name=windows.VERSION,
+        source="ecat",
+        what="what the trees of ecat's recogniser see",
+        named="numbered in the order in which learn.features.windows computes them",
         columns=_window_columns,
         compute=_windows,
         per="window",

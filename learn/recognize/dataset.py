@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ from ecat.formats.ecat2018.learning_export import (
     learning_exports_below,
     read_learning_export,
 )
+from ecat.process.inputs import MOST_COORDINATE
 from ecat.progress import Progress, silent
+from ecat.store import find_sessions
 from learn.features.points import KINECT_FROM_CAMERA
 from learn.features.windows import HOP, LENGTH, Floats, n_windows
 
@@ -76,7 +79,7 @@ def read_exports(
 
     Parameters
     ----------
-    findings : gets a line for each file that was left out.
+    findings : gets a line for each file that was left out, and for each with points that have no place.
 
     Raises
     ------
@@ -88,6 +91,7 @@ def read_exports(
     paths = _paths(source, findings if findings is not None else [])
     found: list[LabelledSession] = []
     files: dict[tuple[str, str], Path] = {}
+    unseen: Counter[Path] = Counter()
     unknown: dict[str, Counter[str]] = {}
     for done, path in enumerate(paths):
         progress("reading exports", done, len(paths))
@@ -97,7 +101,11 @@ def read_exports(
                 raise _twice(path, session.name, files[labelled.key])
             files[labelled.key] = path
             found.append(labelled)
+            unseen[path] += int((~np.isfinite(labelled.points)).any(axis=2).sum())
     progress("reading exports", len(paths), len(paths))
+    if findings is not None:
+        said = "with no place, or one beyond 1,000 km: these were taken as not seen"
+        findings += [f"{path} has {count(n, 'point')} {said}" for path, n in unseen.items() if n]
     if unknown:
         raise _unknown(source, unknown)
     if not found:
@@ -141,16 +149,23 @@ def _paths(source: Path, findings: list[str]) -> list[Path]:
             f"cannot read learning exports of {source}",
             where=tuple(there),
             consequence="nothing was read",
-            fix="name a learning export, or the folder that holds them",
+            fix=_how_to_export(source) or "name a learning export, or the folder that holds them",
         )
     findings += others
     return paths
 
 
+def _how_to_export(source: Path) -> str:
+    """What makes an export of the sessions in a folder; empty if there are none."""
+    with suppress(NotFoundError):
+        find_sessions(source)
+        return f"ecat export {source} exports.txt --format ecat-learning, and name exports.txt"
+    return ""
+
+
 def _labelled(path: Path, session: ExportedSession, unknown: dict[str, Counter[str]]) -> LabelledSession:
     where = f"session {session.name} of {path}"
-    parts = [_axes(session.joints, 13), _axes(session.boxes, 8)]
-    points = np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
+    points = _points(session)
     frames = count(len(points), "frame")
     if len(points) < LENGTH:
         raise _unfit(where, f"it has {frames}, a window {LENGTH}", "leave the session out")
@@ -167,6 +182,13 @@ def _labelled(path: Path, session: ExportedSession, unknown: dict[str, Counter[s
         for one in strange:
             unknown.setdefault(one, Counter())[f"session {session.name} of {path.name}"] += 1
     return LabelledSession(path.stem, session.name, points, np.array(labels, np.int8).reshape(-1, 5))
+
+
+def _points(session: ExportedSession) -> Floats:
+    """Points (n, 21, 3); what is farther than anything can be is not known."""
+    parts = [_axes(session.joints, 13), _axes(session.boxes, 8)]
+    points = np.concatenate(parts, axis=1) * KINECT_FROM_CAMERA
+    return np.where((np.abs(points) <= MOST_COORDINATE).all(axis=2, keepdims=True), points, np.nan)
 
 
 def _axes(table: pa.Table, count: int) -> Floats:

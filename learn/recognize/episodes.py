@@ -1,12 +1,13 @@
 """Actions of a whole session: the stretches in which boxes move, and the windows of each as spans of equal labels.
 
 A recogniser knows recordings of one action, as long as the sessions that it was trained on.  A longer session is cut
-into stretches around the movements of its boxes, and each of them is recognised as a recording of its own.
+into stretches around the movements of its boxes, and each of them is recognised as a recording of its own.  No window
+goes over a jump of the clock, or hardly shows one of the boxes: it would be no evidence.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ecat.cli.text import count
 from ecat.errors import CorruptError, InputError
 from ecat.process.inputs import MAX_FRAMES
 from ecat.progress import Progress, silent
@@ -41,6 +43,10 @@ MARGIN = LENGTH // 2
 """Frames before and after a movement, so that its first window is about its beginning."""
 _GAP_S = 0.2
 """Points are interpolated over gaps up to this long when a session is resampled."""
+_JUMP_S = LENGTH / 2 / FPS
+"""Where the clock goes on by more than this and a frame, it jumps: half a window is not there."""
+MOST_UNSEEN = LENGTH * 3 // 4
+"""Frames of a window in which a box may be unseen; hands are often before it for half of one, which does not matter."""
 _REST_M, _GONE_M = 0.01, 0.03
 """By its poses a box rests that goes less far than the one, and moves if it goes farther than the other."""
 _STEP, _MOVED_M, _PAUSE = 10, 0.02, 15
@@ -60,48 +66,67 @@ class Episode:
 
 @dataclass(frozen=True)
 class Action:
-    """What was recognised from frame ``start`` to before ``end``: words in the slots, and how probable they are."""
+    """What was recognised from frame ``start`` to before ``end``: words in the slots, how probable they are, and if
+    a joint was seen then, without which it is hardly known who acts.
+    """
 
     start: int
     end: int
     words: tuple[str | None, ...]
     confidence: float
+    has_joints: bool = True
 
 
-def episodes(recording: Recording) -> list[Episode]:
+def episodes(recording: Recording, findings: list[str] | None = None) -> list[Episode]:
     """The stretches of a recording that show an action each, in their order.
+
+    Parameters
+    ----------
+    findings : gets lines about what was left out, and why.
 
     Raises
     ------
     InputError : it is shorter than a window, or has too few frames per second.
     """
-    whole = [_at_usual_rate(recording, start, points, table) for start, points, table in recording.leveled()]
+    whole = _stretches(recording)
     longest = max((len(one.points) for one in whole), default=0)
     if longest < LENGTH:
         where = f"it has {len(recording.points)} frames, a window {LENGTH}"
-        if recording.t_s is not None and len(recording.points) >= LENGTH and len(whole) == 1:
+        if len(whole) > 1:
+            where += f", and at most {longest} follow each other with one table and no jump of the clock"
+        elif recording.t_s is not None and len(recording.points) >= LENGTH:
             where += f"; {_span(recording.t_s)}, they are {longest} at {FPS:g} per second"
         raise _unfit(recording, where, "give a longer session, or correct its times")
+    shown = [_shown(one) for one in whole]
+    if findings is not None:
+        findings += _left_out(recording, zip(whole, shown, strict=True))
     found: list[Episode] = []
-    for one in whole:
+    for one, parts in zip(whole, shown, strict=True):
         n = len(one.points)
         moves = [(0, n)] if len(whole) == 1 and n <= ONE_ACTION else _movements(recording, one)
+        seen = ((max(start, first), min(end, stop)) for start, end in moves for first, stop in parts)
         found += [
             replace(one, points=one.points[start:end], frame=one.frame[start : end + 1])
-            for start, end in moves
+            for start, end in seen
             if end - start >= LENGTH
         ]
     return found
 
 
 def recognize(
-    recording: Recording, recognizer: Recognizer, progress: Progress = silent, *, run: Path | None = None
+    recording: Recording,
+    recognizer: Recognizer,
+    progress: Progress = silent,
+    *,
+    run: Path | None = None,
+    findings: list[str] | None = None,
 ) -> list[Action]:
     """The actions in a recording, in their order; windows in which nothing is done are in none.
 
     Parameters
     ----------
     run : the folder that the recogniser was read from, to be named in errors.
+    findings : gets lines about what was left out, and why.
 
     Raises
     ------
@@ -109,7 +134,7 @@ def recognize(
     CorruptError : the recogniser says what is no probability.
     """
     found: list[Action] = []
-    stretches = episodes(recording)
+    stretches = episodes(recording, findings)
     for done, episode in enumerate(stretches):
         progress("recognising", done, len(stretches))
         asked = recognizer if episode.table is None else recognizer.on_table(episode.table)
@@ -146,6 +171,7 @@ def _frames(tracks: Floats, episode: Episode) -> NDArray[np.int64]:
 def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Floats) -> Iterator[Action]:
     """Windows of equal labels, from half a hop before the middle of the first to half a hop after that of the last."""
     edges = [0, *(i for i, (a, b) in enumerate(pairwise(labels), start=1) if a != b), len(labels)]
+    has_joints = bool(np.isfinite(episode.points[:, : len(JOINTS)]).any())
     for first, end in pairwise(edges):
         said = tuple(words(labels[first]))
         if said[3] is None:
@@ -154,27 +180,128 @@ def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Float
         start = HOP * first + (LENGTH - HOP) // 2
         stop = HOP * (end - 1) + (LENGTH + HOP) // 2
         frames = [round(float(episode.frame[place])) for place in (start, min(stop, len(episode.points)))]
-        yield Action(frames[0], max(frames[1], frames[0] + 1), said, float(probability[first:end].mean()))
+        sure = float(probability[first:end].mean())
+        yield Action(frames[0], max(frames[1], frames[0] + 1), said, sure, has_joints)
 
 
-def _at_usual_rate(recording: Recording, start: int, points: Floats, table: Table | None) -> Episode:
-    """The stretch of a session that begins at frame ``start``, with as many frames per second as is usual."""
-    frame = np.arange(start, start + len(points) + 1, dtype=np.float64)
-    t_s = None if recording.t_s is None else recording.t_s[start : start + len(points)]
+def _stretches(recording: Recording) -> list[Episode]:
+    """What is of one table and without a jump of the clock, each with as many frames per second as is usual."""
+    step = _step(recording)
+    found: list[Episode] = []
+    for begin, points, table in recording.leveled():
+        edges = [
+            0,
+            *(at - begin for at in _jumps(recording, step) if 0 < at - begin < len(points)),
+            len(points),
+        ]
+        found += [
+            _at_usual_rate(recording, begin + start, points[start:end], table, step)
+            for start, end in pairwise(edges)
+        ]
+    return found
+
+
+def _step(recording: Recording) -> float:
+    """Seconds from one frame to the next; as is usual where there is no clock.
+
+    Raises
+    ------
+    InputError : there are too few frames per second.
+    """
+    t_s = recording.t_s
     if t_s is None or len(t_s) < 2:
-        return Episode(points, frame, table)
+        return 1 / FPS
     step = float(np.median(np.diff(t_s)))
-    if USUAL_FPS[0] <= 1 / step <= USUAL_FPS[1]:
-        return Episode(points, frame, table)
     if 1 / step < SLOWEST_FPS:
         where = f"it has {1 / step:.1f} frames per second, at least {SLOWEST_FPS:g} are needed"
         raise _unfit(recording, where, "record more images per second")
+    return step
+
+
+def _jumps(recording: Recording, step: float) -> list[int]:
+    """Frames before which the clock jumps."""
+    if recording.t_s is None:
+        return []
+    return (np.flatnonzero(np.diff(recording.t_s) > _JUMP_S + step) + 1).tolist()
+
+
+def _at_usual_rate(
+    recording: Recording, start: int, points: Floats, table: Table | None, step: float
+) -> Episode:
+    """The stretch of a session that begins at frame ``start``, with as many frames per second as is usual."""
+    frame = np.arange(start, start + len(points) + 1, dtype=np.float64)
+    t_s = None if recording.t_s is None else recording.t_s[start : start + len(points)]
+    if t_s is None or len(t_s) < 2 or USUAL_FPS[0] <= 1 / step <= USUAL_FPS[1]:
+        return Episode(points, frame, table)
     if (t_s[-1] - t_s[0]) * FPS > MAX_FRAMES:
         where = f"it has {1 / step:.1f} frames per second, {_span(t_s)}: at {FPS:g}, more than {MAX_FRAMES:,}"
         raise _unfit(recording, where, "correct its times, or split a longer recording")
     times = np.arange(t_s[0], t_s[-1] + step / 2, 1 / FPS)
     places = np.append(np.interp(times, t_s, frame[:-1]), frame[-1])
     return Episode(_resampled(points, t_s, times), places, table)
+
+
+def _unseen(one: Episode) -> NDArray[np.bool_]:
+    """Whether each box (2, n) is not seen in a frame: no corner of it is known."""
+    known = np.isfinite(one.points[:, len(JOINTS) :]).all(axis=2).reshape(-1, 2, 4)
+    return np.logical_not(known.any(axis=2)).T
+
+
+def _shown(one: Episode) -> list[tuple[int, int]]:
+    """Frames, from first to before the last, of windows in which each box is seen for a quarter at least."""
+    if len(one.points) < LENGTH:
+        return []
+    before = np.pad(np.cumsum(_unseen(one), axis=1), ((0, 0), (1, 0)))
+    good = (before[:, LENGTH:] - before[:, :-LENGTH]).max(axis=0) <= MOST_UNSEEN
+    runs = [*_runs(good), (len(one.points) + HOP, 0)]
+    # what is said of the last window of one run ends before what is said of the first of the next begins
+    apart = ((start, min(end, then - HOP)) for (start, end), (then, _) in pairwise(runs))
+    return [(start, end - 1 + LENGTH) for start, end in apart if start < end]
+
+
+def _left_out(recording: Recording, stretches: Iterable[tuple[Episode, list[tuple[int, int]]]]) -> list[str]:
+    """What is not recognised since a box is not seen or the clock jumps: how much of it there is, and where."""
+    step = _step(recording)
+    spans: list[tuple[float, float]] = []
+    unseen = np.zeros(2)
+    for one, shown in stretches:
+        out = np.ones(len(one.points), bool)
+        for start, end in shown:
+            out[start:end] = False
+        lost = _unseen(one) & out
+        if lost.any():  # otherwise it is too short
+            spans += [(float(one.frame[start]), float(one.frame[end])) for start, end in _runs(out)]
+            unseen += (np.diff(one.frame) * lost).sum(axis=1)
+    said = [_clock_said(recording.t_s, jumps, step)] if (jumps := _jumps(recording, step)) else []
+    lasting = [end - start for start, end in spans]
+    if round(sum(lasting) * step * FPS) >= LENGTH:  # less than a window is not worth a line
+        first, last = spans[int(np.argmax(lasting))]
+        boxes = [
+            f"{name} is not seen for {frames * step:.1f} s of it"
+            for name, frames in zip(recording.objects, unseen.tolist(), strict=True)
+            if frames * step >= 0.05
+        ]
+        longest = f"frames {first:,.0f} to {last:,.0f}{' and less' * (len(spans) > 1)}"
+        said.append(
+            f"left out {sum(lasting) * step:.1f} s ({longest}), in which windows show a box less than a quarter of "
+            f"the time: {', '.join(boxes)}"
+        )
+    return said
+
+
+def _clock_said(t_s: Floats | None, jumps: Sequence[int], step: float) -> str:
+    assert t_s is not None  # otherwise nothing jumps
+    lost = sum(float(t_s[at] - t_s[at - 1]) - step for at in jumps)
+    return (
+        f"the clock jumps {count(len(jumps), 'time')}, by {lost:,.1f} s in all, first at frame {jumps[0]:,}: what "
+        "is before and after is recognised apart"
+    )
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where it is true: first place, and the one after the last."""
+    edges = np.flatnonzero(np.diff(np.r_[0, mask, 0])).reshape(-1, 2)
+    return [(start, end) for start, end in edges.tolist()]
 
 
 def _span(t_s: Floats) -> str:
@@ -239,8 +366,7 @@ def _seen_to_move(recording: Recording, one: Episode) -> list[tuple[int, int]]:
             place = _calm(interpolated(place))
         moved = np.linalg.norm(place[_STEP:] - place[:-_STEP], axis=1) > _MOVED_M
         moving[_STEP // 2 : _STEP // 2 + len(moved)] |= moved
-    edges = np.flatnonzero(np.diff(np.r_[0, moving, 0])).reshape(-1, 2).tolist()
-    return _joined([(start, end) for start, end in edges], lambda a, b: b[0] - a[1] < _PAUSE)
+    return _joined(_runs(moving), lambda a, b: b[0] - a[1] < _PAUSE)
 
 
 def _joined(

@@ -51,6 +51,21 @@ def events_of(session: Session, recording: Recording, actions: Sequence[Action])
     return tuple(_event(action, things, names, times) for action in actions)
 
 
+def require_free_layer(session: Session, layer: str) -> None:
+    """Return if there may be proposals in a layer: say so before the work, not after it.
+
+    Raises
+    ------
+    UsageError : the layer is a person's: ``main``, or another than the machine's with more in it than proposals.
+    """
+    if layer != MACHINE and _is_of_a_person(session, _layer(session, layer)):
+        raise UsageError(
+            f"cannot propose in layer {layer} of {session.name}",
+            where="it is a person's: there may be more in it than proposals",
+            fix=f"name another layer, or leave it out for {MACHINE}",
+        )
+
+
 def replace_proposals(
     session: Session,
     author: str,
@@ -71,14 +86,8 @@ def replace_proposals(
     StaleError, LockedError, ReadOnlyError, DiskError : nothing was changed.
     """
     session.refresh()
-    old = session.layer(layer) if session.manifest.layer(layer) is not None else Layer(name=layer)
-    old = with_relation_ids(old)
-    if layer != MACHINE and _is_of_a_person(session, old):
-        raise UsageError(
-            f"cannot propose in layer {layer} of {session.name}",
-            where="it is a person's: there may be more in it than proposals",
-            fix=f"name another layer, or leave it out for {MACHINE}",
-        )
+    require_free_layer(session, layer)
+    old = with_relation_ids(_layer(session, layer))
     decided = _decided(session, layer)
 
     def stays(item: Event | Relation) -> bool:
@@ -154,6 +163,10 @@ def _event(
         references=tuple(references),
         properties=tuple(properties),
     )
+
+
+def _layer(session: Session, name: str) -> Layer:
+    return session.layer(name) if session.manifest.layer(name) is not None else Layer(name=name)
 
 
 def _times(session: Session) -> Callable[[int], int | None]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
 
-from ecat.errors import ExistsError, InputError
+from ecat.cli.text import count
+from ecat.errors import ExistsError, InputError, NotFoundError
 from ecat.progress import Progress, silent
 from learn.features.windows import Floats, Table
 from learn.recognize import model as boosted
@@ -31,7 +34,11 @@ Model = Literal[
 ]
 MODELS: tuple[str, ...] = get_args(Model)
 BEST: Model = "mixture"
+MOST_VALIDATION = 0.5
+"""Of the sessions, that may say when to stop."""
 METRICS, CURVES, CHECKPOINT = "metrics.json", "curves.png", "checkpoint.npz"
+CROSSVAL, FOLDS = "crossval.json", "folds"
+"""Of a cross-validation: its figures, and what was said of each fold."""
 _FILES = {"trees": "model.npz", "hmm": "sequences.npz", "lds": "sequences.npz"}
 """Of what is no network."""
 
@@ -86,6 +93,30 @@ class Options:
         return replace(recipe, seed=self.seed, **{k: v for k, v in said.items() if v is not None})
 
 
+def refuse_other_work(run: Path, *, training: bool) -> None:
+    """Say before the work that ``run`` is of a training, or otherwise of a cross-validation, and not of this.
+
+    Both write predictions and pictures of the same names, and each would replace what is the other's.
+
+    Raises
+    ------
+    ExistsError : it is of the other.
+    """
+    if training:
+        others, of, what = (CROSSVAL, FOLDS), "a cross-validation", f"cannot train into {run}"
+    else:
+        parts = [f"{part}/{CONFIG}" for part in PARTS]
+        others = (CONFIG, METRICS, CHECKPOINT, *parts)
+        of, what = "a recogniser", f"cannot cross-validate into {run}"
+    if there := next((name for name in others if (run / name).exists()), None):
+        raise ExistsError(
+            what,
+            where=f"{run / there} is of {of}",
+            consequence="nothing was trained",
+            fix="name another folder (--run)",
+        )
+
+
 def refuse_taken(run: Path, name: str) -> None:
     """Say before the work, and not after it, that a model of this name cannot be kept in ``run``.
 
@@ -94,9 +125,10 @@ def refuse_taken(run: Path, name: str) -> None:
 
     Raises
     ------
-    ExistsError : there is a model in it already.
+    ExistsError : there is a model in it already, or a cross-validation.
     StoreError : files cannot be written there.
     """
+    refuse_other_work(run, training=True)
     parts = [run / part for part in PARTS] if name == "mixture" else []
     for taken in (run / CONFIG, *(part / METRICS for part in parts)):
         if taken.exists():
@@ -108,6 +140,26 @@ def refuse_taken(run: Path, name: str) -> None:
             )
     files = [f"{part.name}/{file}" for part in parts for file in (CONFIG, _file(part.name))]
     require_free(run, [CONFIG, METRICS, CURVES, *CONFUSIONS.values(), *(files or [_file(name)])])
+
+
+def unstopped(name: str, options: Options, sessions: Sequence[LabelledSession]) -> str:
+    """That no session says when to stop training a network although a share of each file was to, as files are too
+    small; empty if that is not so.
+    """
+    if name in _FILES:
+        return ""
+    from learn.recognize.neural.examples import held_out
+
+    settings = options.of_network(name)
+    if not settings.validation or held_out(sessions, settings)[1]:
+        return ""
+    most = max(Counter(session.file for session in sessions).values())
+    share = math.ceil(100 * (0.5 / most + 0.001)) / 100
+    fix = f"--validation {share:g} sets some aside" if share <= MOST_VALIDATION else "give more sessions"
+    return (
+        f"nothing says when to stop: a share of {settings.validation:g} of {count(most, 'session')} a file, or fewer, "
+        f"is none, so all {settings.epochs:,} epochs are trained; {fix}"
+    )
 
 
 def train(
@@ -209,6 +261,12 @@ def load(run: Path) -> Recognizer:
     InputError : it was trained with other features.
     CorruptError : it is damaged.
     """
+    if (run / CROSSVAL).exists() and not (run / CONFIG).exists():
+        raise NotFoundError(
+            f"cannot use the model {run}",
+            where=f"it is of a cross-validation ({CROSSVAL}), which keeps no model",
+            fix="ecat learn recognize train EXPORTS --run ANOTHER",
+        )
     config = read_config(run)
     name = config.get("model", "trees")
     if name not in MODELS:

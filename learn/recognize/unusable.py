@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from json import JSONDecodeError
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -31,9 +33,19 @@ def undamaged(
     except EcatError:
         raise
     except Exception as error:  # noqa: BLE001
-        kind = type(error).__name__ if isinstance(error, LookupError) or not str(error) else ""
-        where = ": ".join(part for part in (kind, str(error)[:200]) if part)
-        raise CorruptError(what, where=where, consequence=consequence, fix=fix) from None
+        raise CorruptError(what, where=_where(error), consequence=consequence, fix=fix) from None
+
+
+def _where(error: Exception) -> str:
+    """What is wrong, as far as an error of whatever read a file says it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, BadZipFile):
+        return f"its arrays are cut off, or were none: {error}"
+    if isinstance(error, (JSONDecodeError, UnicodeDecodeError)):
+        return f"its JSON is cut off, or was none: {error}"
+    kind = type(error).__name__ if isinstance(error, LookupError) or not str(error) else ""
+    return ": ".join(part for part in (kind, str(error)[:200]) if part)
 
 
 def check_name(name: Any, expected: str, run: Any) -> None:

@@ -63,6 +63,21 @@ def test_an_unknown_name_lists_the_known_ones() -> None:
 
 
 class TestSniffing:
+    def test_no_format_is_loaded_behind_the_one_that_it_is(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        first = Format(name="a", description="it", sniff=lambda _: True)
+        loaded: list[str] = []
+
+        def load(name: str, value: str) -> Format:
+            loaded.append(value)
+            return first
+
+        monkeypatch.setattr(registry, "places", lambda: {"b": "second", "a": "first"})
+        monkeypatch.setattr(registry, "load", load)
+        assert registry.sniff(tmp_path) is first
+        assert loaded == ["first"]
+
     def test_nothing_there(self, tmp_path: Path) -> None:
         with pytest.raises(NotFoundError):
             registry.sniff(tmp_path / "nothing")

@@ -20,13 +20,15 @@ import pyarrow as pa
 from ecat.errors import CorruptError
 
 _LENGTH = 8
+_BUFFER = 1 << 18
 
 
 class StreamsWriter(AbstractContextManager["StreamsWriter"]):
     """Writes the file ``path``, which is whole when the block has ended without an exception."""
 
     def __init__(self, path: Path) -> None:
-        self._file: Any = pa.OSFile(str(path), "wb")
+        # an empty table is written in forty pieces
+        self._file: Any = pa.BufferedOutputStream(pa.OSFile(str(path), "wb"), _BUFFER)
         self._starts: dict[str, int] = {}
 
     @contextmanager

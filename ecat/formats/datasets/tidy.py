@@ -211,29 +211,25 @@ def _windows(episode: Episode, options: TidyOptions) -> pa.Table:
 def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Progress) -> tuple[str, ...]:
     """Join the streams of all sessions, a row group of many at a time; moments by the names of their columns.
 
-    Every part is read as soon as it is there; its moments are read once more when all are, as their columns are those
-    of any part.
+    Every part is read as soon as it is there.  Moments are read once more when all are, if columns have come after the
+    first row group was written.
     """
     files.make_folders(dest / "tables")
     schemas = {f"tables/{name}.parquet": plain_schema(name) for name in TABLES} | {WINDOWS: _WINDOW}
     outs: dict[str, _Joined] = {}
-    columns: dict[str, pa.Field[Any]] = {}
     with ExitStack() as stack, ThreadPoolExecutor() as others:
         for part in parts:
             with StreamsReader(part.path) as streams:
                 for name in streams.names:
-                    if name == MOMENTS:
-                        columns |= {field.name: field for field in streams.schema(name)}
-                        continue
+                    schema = streams.schema(name) if name == MOMENTS else schemas[name]
                     if name not in outs:
-                        outs[name] = stack.enter_context(_Joined(dest / name, schemas[name]))
-                    outs[name].extend(streams.batches(name))
-        ends = [others.submit(out.finish) for out in outs.values()]
-        if columns:
-            outs[MOMENTS] = stack.enter_context(_Joined(dest / MOMENTS, pa.schema(columns.values())))
-            _join_moments(parts, outs[MOMENTS], progress)
+                        outs[name] = stack.enter_context(_Joined(dest / name, schema))
+                    outs[name].extend(streams.batches(name), schema)
+        if MOMENTS in outs and outs[MOMENTS].outgrown:
             outs[MOMENTS].finish()
-        for end in ends:
+            outs[MOMENTS] = stack.enter_context(_Joined(dest / MOMENTS, outs[MOMENTS].schema))
+            _read_again(parts, outs[MOMENTS], progress)
+        for end in [others.submit(out.finish) for out in outs.values()]:
             end.result()
     rows = {name: outs[name].rows for name in (MOMENTS, WINDOWS, *schemas) if name in outs}
     text = card(rows, len(parts), clock_method(options), asdict(options))
@@ -241,33 +237,33 @@ def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Pro
     return ()
 
 
-def _join_moments(parts: Sequence[Part], out: _Joined, progress: Progress) -> None:
+def _read_again(parts: Sequence[Part], moments: _Joined, progress: Progress) -> None:
     for done, part in enumerate(parts):
         progress("joining", done, len(parts))
         with StreamsReader(part.path) as streams:
             if MOMENTS in streams.names:
-                out.extend(_with_columns(rows, out.schema) for rows in streams.batches(MOMENTS))
-
-
-def _with_columns(rows: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
-    columns = [
-        rows[field.name] if field.name in rows.schema.names else pa.nulls(rows.num_rows, field.type)
-        for field in schema
-    ]
-    return pa.record_batch(columns, schema=schema)
+                moments.extend(streams.batches(MOMENTS), moments.schema)
 
 
 class _Joined(AbstractContextManager["_Joined"]):
-    """A Parquet file with row groups of many small batches."""
+    """A Parquet file with row groups of many small batches, and the columns of any of those in the first row group."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self.schema, self.rows = schema, 0
-        self._out = pq.ParquetWriter(path, schema, compression="zstd")
+        self.outgrown = False
+        """Columns have come later: the file is worth nothing, but ``schema`` has all that there are."""
+        self._path = path
+        self._out: pq.ParquetWriter | None = None
         self._gathered: list[pa.RecordBatch] = []
         self._waiting = 0
 
-    def extend(self, batches: Iterable[pa.RecordBatch]) -> None:
-        """Write these rows behind the others."""
+    def extend(self, batches: Iterable[pa.RecordBatch], schema: pa.Schema) -> None:
+        """Write these rows, which have the columns ``schema``, behind the others."""
+        if schema is not self.schema and (new := [f for f in schema if f.name not in self.schema.names]):
+            self.schema = pa.schema([*self.schema, *new])
+            self.outgrown |= self._out is not None
+        if self.outgrown:
+            return
         for rows in batches:
             self._gathered.append(rows)
             self._waiting += rows.num_rows
@@ -275,24 +271,44 @@ class _Joined(AbstractContextManager["_Joined"]):
                 self._write()
             elif len(self._gathered) >= _BATCHES_AT_ONCE:
                 # a batch of a few rows takes kilobytes
-                self._gathered = (
-                    pa.Table.from_batches(self._gathered, self.schema).combine_chunks().to_batches()
-                )
+                self._gathered = self._all().combine_chunks().to_batches()
 
     def finish(self) -> None:
         """Write what is left."""
         self._write()
-        self._out.close()
+        self._close()
+
+    def _all(self) -> pa.Table:
+        gathered = [_with_columns(rows, self.schema) for rows in self._gathered]
+        return pa.Table.from_batches(gathered, self.schema)
 
     def _write(self) -> None:
+        if self._out is None:
+            self._out = pq.ParquetWriter(self._path, self.schema, compression="zstd")
         if self._gathered:
-            self._out.write_table(pa.Table.from_batches(self._gathered, self.schema))
+            self._out.write_table(self._all())
         self.rows += self._waiting
         self._gathered.clear()
         self._waiting = 0
 
+    def _close(self) -> None:
+        if self._out is not None:
+            self._out.close()
+
     def __exit__(self, *failure: object) -> None:
-        self._out.close()
+        self._close()
+
+
+def _with_columns(rows: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
+    """The same rows, with nulls in the columns of ``schema`` that they do not have."""
+    names = rows.schema.names
+    if names == schema.names:
+        return rows
+    there = set(names)
+    columns = [
+        rows[field.name] if field.name in there else pa.nulls(rows.num_rows, field.type) for field in schema
+    ]
+    return pa.record_batch(columns, schema=schema)
 
 
 FORMAT = Format(

@@ -172,6 +172,11 @@ class _Gap:
         return frame.pts is not None and self._first < frame.pts < self._end
 
 
+def _wide(frame: VideoFrame) -> Image:
+    """A depth image with its numbers as they are: decoded, with the lower byte first, or as an array."""
+    return frame.reformat(format="gray16le") if frame.format.name.startswith("gray16") else gray16(frame)
+
+
 @dataclass
 class Decoded:
     """The images of one video stream of a file, for an import: what cannot be decoded is left out and counted.
@@ -179,7 +184,7 @@ class Decoded:
     Parameters
     ----------
     start_ns : the session's start on the container's time line.
-    as_depth : 16-bit arrays instead of decoded images.
+    as_depth : grey images of 16 bits, as they are kept.
     """
 
     path: Path
@@ -207,7 +212,7 @@ class Decoded:
                     self.untimed += 1
                     ticks = round(last + period) if last >= 0 else 0
                 last = float(ticks)
-                yield int(to_ns(ticks, base)) - self.start_ns, gray16(frame) if self.as_depth else frame
+                yield int(to_ns(ticks, base)) - self.start_ns, _wide(frame) if self.as_depth else frame
 
     def losses(self) -> Iterator[str]:
         """What could not be decoded, a line each, once the images have been used up."""

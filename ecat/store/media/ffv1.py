@@ -9,10 +9,13 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable
 from fractions import Fraction
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from av import VideoCodecContext
 
 _SIZE, _SUM = 3, 4
 _FOOTER = _SIZE + 1 + _SUM
@@ -49,17 +52,24 @@ def suited(image: NDArray[np.uint16]) -> dict[str, str]:
     return min(options, key=size)
 
 
+def encoder(width_px: int, height_px: int, unit: Fraction, options: dict[str, str]) -> VideoCodecContext:
+    """What packs images (height, width) whose times are in ``unit`` seconds, each for itself."""
+    from av import VideoCodecContext
+
+    made = VideoCodecContext.create("ffv1", "w")
+    made.width, made.height, made.pix_fmt = width_px, height_px, "gray16le"
+    made.time_base, made.options, made.gop_size, made.thread_count = unit, options, 1, 1
+    return made
+
+
 def _packed(image: NDArray[np.uint16], options: dict[str, str]) -> tuple[bytes, bytes]:
     """An image (height, width) as a packet, and the configuration record that it takes to decode it."""
-    from av import VideoCodecContext, VideoFrame
+    from av import VideoFrame
 
-    encoder = VideoCodecContext.create("ffv1", "w")
-    encoder.height, encoder.width = image.shape
-    encoder.pix_fmt, encoder.time_base, encoder.options = "gray16le", Fraction(1, 1000), options
-    encoder.gop_size = 1
+    packer = encoder(image.shape[1], image.shape[0], Fraction(1, 1000), options)
     frame = VideoFrame.from_ndarray(np.ascontiguousarray(image, "<u2"), format="gray16le")
-    packets = [*encoder.encode(frame), *encoder.encode(None)]
-    return b"".join(map(bytes, packets)), bytes(encoder.extradata or b"")
+    packets = [*packer.encode(frame), *packer.encode(None)]
+    return b"".join(map(bytes, packets)), bytes(packer.extradata or b"")
 
 
 def slices_of(packet: bytes) -> list[tuple[int, int]]:

@@ -27,11 +27,14 @@ LARGEST = 1e100
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: rows, tracks read, and rows in which nothing is known."""
+    """What was written: rows, tracks read, and rows in which nothing is known; and of a relation of boxes, the numbers
+    of those objects that have no sizes, and so are points.
+    """
 
     rows: int
     tracks: int
     missing: int
+    points: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,9 @@ def write_relation(
             rows, tracks, read = rows + len(each.codes), tracks + each.begun, read + each.read
             missing += int(np.count_nonzero(each.codes == MISSING))
             progress(relation.name, read, file.n_rows)
-    return Written(rows, tracks, missing)
+    taken = objects[: relation.objects] if relation.of_boxes else ()
+    points = tuple(k for k, names in zip(taken, columns, strict=False) if f"w{k}" not in names)
+    return Written(rows, tracks, missing, points)
 
 
 def _columns_of(k: int, relation: Relation, there: frozenset[str], objects: Sequence[int]) -> list[str]:

@@ -56,7 +56,8 @@ class TrackFile:
         """
         schema, needed = self._file.schema_arrow, ("track", "frame", *numbers)
         if missing := [name for name in needed if schema.names.count(name) != 1]:
-            where = f"not one column {', '.join(missing)}; there are {', '.join(schema.names[:20])}"
+            there = ", ".join(schema.names[:20])
+            where = f"there is no column {', '.join(missing)}, or more than one; there are {there}"
             raise self.refusal(SchemaError, where, "name the columns so, each once")
         track = schema.field("track").type
         if pa.types.is_dictionary(track):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ecat.errors import UsageError
+from ecat.errors import InputError, UsageError
 from ecat.geometry.transforms import matrix_from_quaternion
 from ecat.process.inputs import sane
 from ecat.store import Session
@@ -20,6 +20,10 @@ from learn.features.qsr.relations import RELATIONS, Relation
 
 _NAME = pa.dictionary(pa.int32(), pa.string())
 _COUNT = {1: "one object", 2: "two objects, not the same", 3: "three objects, all different"}
+_FIXES = {
+    2: "choose a relation of one object (mos), or a session in which two boxes were seen",
+    3: "choose a relation of two objects, or a session in which three boxes were seen",
+}
 QUALITATIVE_TRACKS = TableSchema(
     "qualitative_tracks",
     "Qualitative relations of objects, one row per frame, or per state of a chain.",
@@ -67,10 +71,13 @@ def qualitative_tracks(
     Raises
     ------
     NotFoundError : the session has no poses yet.
+    InputError : it has poses of fewer objects than the relation is of.
     UsageError : no such relation or object; chains of what is not QTC.
     """
     relation = relation_named(name, collapse=collapse, validate=validate)
     frames, places = _places(session, relation, sizes_m or {})
+    if of is None:
+        _require_enough(relation, places, session)
     wanted = list(permutations(sorted(places), relation.objects)) if of is None else list(dict.fromkeys(of))
     _require_objects(relation, wanted, places)
     follows = np.diff(np.asarray(frames)) == 1
@@ -113,6 +120,18 @@ def relation_named(name: str, *, collapse: bool = False, validate: bool = False)
             fix="leave out collapse and validate",
         )
     return relation
+
+
+def _require_enough(relation: Relation, there: Collection[str], session: Session) -> None:
+    if len(there) >= relation.objects:
+        return
+    known = ", ".join(sorted(there)) or "nothing"
+    raise InputError(
+        f"cannot compute {relation.name} of {session.name}",
+        where=f"it is of {_COUNT[relation.objects]}; of this session, poses are known of {known} only",
+        consequence="nothing was computed",
+        fix=_FIXES.get(relation.objects, "ecat process the session"),
+    )
 
 
 def _require_objects(relation: Relation, wanted: Iterable[tuple[str, ...]], there: Collection[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import yaml
 
 from ecat import formats
+from ecat.formats.datasets import tidy
 from ecat.store import open_session
 from ecat.tables import TABLES
 from tests.formats.datasets.moments import Make, Span
@@ -34,6 +36,22 @@ def test_a_row_is_a_moment_with_columns_by_name(make: Make) -> None:
     first = rows.iloc[0]
     assert (first["session"], first["episode"], first["moment"]) == ("a", 0, 0)
     assert (first["label"], first["task"], first["event"]) == ("slide", "slide 0", "e0")
+
+
+@pytest.mark.parametrize("group", [1, 20, 35])
+def test_columns_that_come_after_the_first_row_group_are_those_of_all(
+    make: Make, monkeypatch: pytest.MonkeyPatch, group: int
+) -> None:
+    """The rows are the same as with one row group; sessions of 30, 10 and 30 moments, the second with a second box."""
+    make("a", GRASP)
+    make("b", Span(0, 10, "push"), number=2, boxes=("red", "green"))
+    project = make("c", GRASP, number=3).parent
+    expected = pq.read_table(exported(project) / "moments.parquet")
+    shutil.rmtree(project.with_name("dataset"))
+    monkeypatch.setattr(tidy, "_ROWS_OF_GROUP", group)
+    path = exported(project) / "moments.parquet"
+    assert pq.read_table(path).equals(expected, check_metadata=True)
+    assert pq.read_metadata(path).num_row_groups == {1: 3, 20: 2, 35: 2}[group]
 
 
 def test_windows_say_which_moments_they_are(make: Make) -> None:

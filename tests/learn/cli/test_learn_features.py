@@ -34,7 +34,14 @@ def test_the_sets_are_listed_with_their_columns(ecat: Ecat) -> None:
     assert {row["set"]: row["columns"] for row in listed}["ch5-qualitative"] == 13
     assert all(len(row["names"]) == row["columns"] for row in listed)
     text = ecat("learn", "features", "--list").out
-    assert all(name in text for name in SETS)
+    assert all(one.name in text and one.what in text for one in SETS.values())
+
+
+def test_one_set_is_listed_with_the_names_of_its_columns(ecat: Ecat) -> None:
+    text = ecat("learn", "features", "--list", "--set", "ch4-qsr25").out
+    assert all(column in text for column in SETS["ch4-qsr25"].columns())
+    assert "6 o1_centroid and o2_centroid" in " ".join(text.split())
+    assert "ch5" not in text
 
 
 def test_features_of_a_session_are_a_table_that_says_what_it_is(
@@ -57,12 +64,14 @@ def test_what_was_fitted_to_training_recordings_is_applied_to_others(
 ) -> None:
     train, test, planes = tmp_path / "train.parquet", tmp_path / "test.parquet", tmp_path / "planes.json"
     first = ecat(
-        "learn", "features", exports / "pushto.txt", "--set", "ch4-pcas", "--fit", planes, "-o", train
+        "learn", "features", exports / "pushto.txt", "--set", "ch4-pcas18", "--fit", planes, "-o", train
     )
     assert first.code == 0, first.err
     said = planes.read_bytes()
     other = exports / "deeper" / "pullpast.txt"
-    second = ecat("learn", "features", other, "--set", "ch4-qsr", "--transform", planes, "-o", test, "--json")
+    second = ecat(
+        "learn", "features", other, "--set", "ch4-qsr25", "--transform", planes, "-o", test, "--json"
+    )
     assert second.code == 0, second.err
     assert second.json["sessions"] == {"pullpast/pullpast1": 45, "pullpast/pullpast2": 45}
     assert planes.read_bytes() == said
@@ -80,6 +89,17 @@ def test_recordings_that_lack_something_are_named_and_the_others_written(
     assert list(result.json["sessions"]) == ["good"]
     assert "no joints" in result.json["failures"][0]["where"]
     assert dest.exists()
+
+
+def test_what_is_the_same_of_many_recordings_is_said_once(tmp_path: Path, ecat: Ecat) -> None:
+    bare = sessions.without(sessions.draft(), "joints")
+    made_one = sessions.make(tmp_path / "project" / "s0", bare).path
+    for number in range(1, 5):
+        shutil.copytree(made_one, tmp_path / "project" / f"s{number}")
+    command = ("learn", "features", tmp_path / "project", "--set", "ch5-network")
+    result = ecat(*command, "-o", tmp_path / "f.parquet", "--json")
+    (said,) = result.json["findings"]
+    assert said.startswith("s0, s1, s2 and 2 more: there are no joints")
 
 
 def test_recordings_of_one_name_are_called_by_their_paths(
@@ -121,7 +141,7 @@ def test_an_error_names_its_recording(tmp_path: Path, ecat: Ecat) -> None:
     gap[7, 11] = np.nan
     scenes = {"good": made.scene(1), "bad": bad, "gap": gap}
     export = made.write(tmp_path / "ex.txt", *(made.session(name, one, []) for name, one in scenes.items()))
-    for name, words in (("ch4-qsr", {"ex/bad", "ex/gap"}), ("ch5-network", {"ex/bad"})):
+    for name, words in (("ch4-qsr25", {"ex/bad", "ex/gap"}), ("ch5-network", {"ex/bad"})):
         call = ("learn", "features", export, "--set", name, "--fit", tmp_path / f"{name}.json")
         result = ecat(*call, "-o", tmp_path / f"{name}.parquet", "--json")
         assert result.code == 1
@@ -139,7 +159,7 @@ def test_a_transform_is_replaced_only_together_with_its_features(
     exports: Path, tmp_path: Path, ecat: Ecat
 ) -> None:
     planes, dest = tmp_path / "planes.json", tmp_path / "f.parquet"
-    call = ("learn", "features", "--set", "ch4-pcas", "--fit", planes, "-o", dest)
+    call = ("learn", "features", "--set", "ch4-pcas18", "--fit", planes, "-o", dest)
     assert ecat(*call, exports / "pushto.txt").code == 0
     before = planes.read_bytes(), dest.read_bytes()
     assert ecat(*call, exports / "deeper" / "pullpast.txt").code == 1
@@ -158,10 +178,10 @@ def test_a_transform_is_replaced_only_together_with_its_features(
         (("SESSION", "-o", "OUT"), 2, "--set"),
         (("SESSION", "--set", "ch5-network"), 2, "-o FILE"),
         (("SESSION", "--set", "ch7", "-o", "OUT"), 2, "ch5-network"),
-        (("SESSION", "--set", "ch4-qsr", "-o", "OUT"), 2, "--fit"),
+        (("SESSION", "--set", "ch4-qsr25", "-o", "OUT"), 2, "--fit"),
         (("SESSION", "--set", "ch4-raw", "--fit", "t.json", "-o", "OUT"), 2, "no transform"),
-        (("SESSION", "--set", "ch4-qsr", "--fit", "a", "--transform", "b", "-o", "OUT"), 2, "one of them"),
-        (("SESSION", "--set", "ch4-qsr", "--transform", "none.json", "-o", "OUT"), 1, "none.json"),
+        (("SESSION", "--set", "ch4-qsr25", "--fit", "a", "--transform", "b", "-o", "OUT"), 2, "one of them"),
+        (("SESSION", "--set", "ch4-qsr25", "--transform", "none.json", "-o", "OUT"), 1, "none.json"),
         (("SESSION", "--set", "ch5-network", "--objects", "Shell", "x", "-o", "OUT"), 2, "Stella Artois"),
         (("nowhere", "--set", "ch5-network", "-o", "OUT"), 1, "nowhere"),
         (("EXPORTS", "--set", "ch5-network", "-o", "OUT"), 2, "table"),

@@ -178,6 +178,7 @@ def test_what_is_not_known_is_null_and_counted(ecat: Ecat, tmp_path: Path) -> No
         "rows": 4,
         "tracks": 1,
         "missing": 2,
+        "findings": [],
     }
     assert pq.read_table(dest)["cardir"].to_pylist() == ["sw", None, None, "s"]
 
@@ -239,6 +240,18 @@ def test_what_another_relation_takes_may_be_given_where_it_is_nothing(ecat: Ecat
     dest = tmp_path / "out.parquet"
     options = ["--relation", "cardir", "--quantisation", "0", "-o", dest]
     assert ecat("learn", "qsr", write(walks(), tmp_path), *options).code == 0
+
+
+def test_that_objects_without_sizes_are_points_is_said_beside_the_result(ecat: Ecat, tmp_path: Path) -> None:
+    bare, dest = write(walks().drop_columns(["w1", "w2", "h2"]), tmp_path), tmp_path / "out.parquet"
+    result = ecat("learn", "qsr", bare, "--relation", "rcc8", "-o", dest)
+    assert "objects 1, 2 are points" in result.err
+    assert "w1, h1, w2, h2" in result.err
+    assert ecat("learn", "qsr", bare, "--relation", "cardir", "-o", tmp_path / "c.parquet").err == ""
+    found = ecat("learn", "qsr", bare, "--relation", "ra", "-o", tmp_path / "j.parquet", "--json").json
+    assert len(found["findings"]) == 1
+    sized = write(walks(), tmp_path)
+    assert ecat("learn", "qsr", sized, "--relation", "rcc8", "-o", tmp_path / "s.parquet").err == ""
 
 
 # --- what is refused

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from ecat.check import check
-from ecat.store import Session, open_session
+from ecat.store import Session, TableData, open_session
 from learn.features import qsr
 from learn.features.qsr.intervals import author_of, relations_of
 from tests.learn.features import sessions
@@ -131,3 +131,42 @@ def test_options_of_sessions_are_refused_of_files(tmp_path: Path, ecat: Ecat) ->
     for words in ((), ("--propose", "-o", tmp_path / "o.parquet")):
         result = ecat("learn", "qsr", path, "--relation", "cardir", *words, "--json")
         assert (result.code, result.json["error"]["error"]) == (2, "UsageError")
+
+
+def test_a_session_with_too_few_boxes_is_refused_with_those_it_has(
+    session: Session, tmp_path: Path, ecat: Ecat
+) -> None:
+    with session.write() as commit:
+        poses = session.table("poses").to_arrow()
+        commit.put_table("poses", TableData(data=sessions.only(SHELL)(poses)))
+    dest = tmp_path / "t.parquet"
+    result = ecat("learn", "qsr", session.path, "--relation", "cardir", "-o", dest, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "InputError")
+    assert f"poses are known of {SHELL} only" in result.json["error"]["where"]
+    assert not dest.exists()
+    assert ecat("learn", "qsr", session.path, "--relation", "mos", "-o", dest).code == 0
+
+
+def test_a_project_is_refused_with_its_sessions(processed: Path, tmp_path: Path, ecat: Ecat) -> None:
+    shutil.copytree(processed, tmp_path / "project" / "slide")
+    dest = tmp_path / "t.parquet"
+    result = ecat("learn", "qsr", tmp_path / "project", "--relation", "cardir", "-o", dest, "--json")
+    assert (result.code, result.json["error"]["error"]) == (2, "UsageError")
+    assert str(tmp_path / "project" / "slide") in result.json["error"]["where"]
+    assert str(tmp_path / "project" / "slide") in result.json["error"]["fix"]
+
+
+def test_boxes_have_their_sizes_and_what_is_no_box_is_a_point(
+    session: Session, tmp_path: Path, ecat: Ecat
+) -> None:
+    command = ("learn", "qsr", session.path, "--relation", "rcc8")
+    assert ecat(*command, "-o", tmp_path / "a.parquet").err == ""
+    poses = session.table("poses").to_arrow()
+    place = poses.column_names.index("object_id")
+    names = ["thing" if name == SHELL else name for name in poses["object_id"].to_pylist()]
+    other = poses.set_column(place, poses.schema.field(place), pa.array(names).dictionary_encode())
+    with session.write() as commit:
+        commit.put_table("poses", TableData(data=other))
+    result = ecat(*command, "-o", tmp_path / "b.parquet")
+    assert result.code == 0, result.err
+    assert "object thing is a point" in result.err

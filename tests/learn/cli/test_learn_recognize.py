@@ -180,6 +180,13 @@ def test_an_option_that_a_model_has_no_use_for_is_refused(
     assert not run.exists()
 
 
+@pytest.mark.parametrize("option", ["--rate", "--validation"])
+def test_no_number_is_no_share_and_no_rate(option: str, tmp_path: Path, ecat: Ecat) -> None:
+    result = ecat("learn", "recognize", "train", tmp_path, "--run", tmp_path / "run", option, "nan", "--json")
+    assert (result.code, result.json["error"]["error"]) == (2, "UsageError")
+    assert option in result.json["error"]["what"]
+
+
 def unfinished(run: Path) -> None:
     """As if training had been interrupted when its model was being written."""
     (run / "config.json").unlink()
@@ -230,27 +237,72 @@ def test_a_place_that_is_taken_is_told_before_anything_is_read(
     assert {path.name for path in tmp_path.iterdir()} == {"file", "run"}
 
 
+@pytest.mark.parametrize(
+    ("there", "verb"),
+    [
+        *(
+            (name, "crossval")
+            for name in ("config.json", "metrics.json", "checkpoint.npz", "trees/config.json")
+        ),
+        *((name, "train") for name in ("crossval.json", "folds/trees-random-0-0.npz")),
+    ],
+)
+def test_a_training_and_a_cross_validation_do_not_write_into_each_others_folders(
+    there: str, verb: str, tmp_path: Path, ecat: Ecat
+) -> None:
+    run = tmp_path / "run"
+    (run / there).parent.mkdir(parents=True)
+    (run / there).write_text("{}", "utf-8")
+    result = ecat("learn", "recognize", verb, tmp_path / "no exports", "--run", run, *FEW, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "ExistsError")
+    assert there.split("/", maxsplit=1)[0] in result.json["error"]["where"]
+    assert "another folder" in result.json["error"]["fix"]
+    assert [path for path in run.rglob("*") if path.is_file()] == [run / there]
+
+
+def test_the_folder_of_a_cross_validation_has_no_model_and_that_is_said(tmp_path: Path, ecat: Ecat) -> None:
+    (tmp_path / "crossval.json").write_text("{}", "utf-8")
+    result = ecat("learn", "recognize", "evaluate", tmp_path, "--run", tmp_path, "--json")
+    assert (result.code, result.json["error"]["error"]) == (1, "NotFoundError")
+    assert "cross-validation" in result.json["error"]["where"]
+
+
+def test_that_nothing_says_when_to_stop_is_told_and_how_it_would(tmp_path: Path, ecat: Ecat) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    source = made.exports(tmp_path / "exports", 2)
+    small = ("--model", "mlp", "--epochs", 1, "--hidden", 4)
+    result = ecat("learn", "recognize", "train", source, "--run", tmp_path / "run", *small)
+    assert result.code == 0, result.err
+    assert "nothing says when to stop: a share of 0.1 of 2 sessions a file" in result.out
+    share = result.out.partition("--validation ")[2].split()[0]
+    command = ("learn", "recognize", "train", source, "--run", tmp_path / "other", *small)
+    again = ecat(*command, "--validation", share, "--json")
+    assert (again.code, again.json["findings"]) == (0, [])
+    assert len(again.json["validation"]) == 2
+
+
 def test_without_pictures_nothing_that_was_computed_is_lost(
     tmp_path: Path, ecat: Ecat, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
     for name in ("matplotlib", "matplotlib.figure"):
         monkeypatch.setitem(sys.modules, name, None)
-    source, run = made.exports(tmp_path / "exports", 10), tmp_path / "run"
+    source, run, folds = made.exports(tmp_path / "exports", 10), tmp_path / "run", tmp_path / "folds"
     small = ("--model", "mlp", "--epochs", 1, "--hidden", 4, "--validation", 0.4)
     trained = ecat("learn", "recognize", "train", source, "--run", run, *small, "--json")
     evaluated = ecat("learn", "recognize", "evaluate", source, "--run", run, "--json")
     validated = ecat(
-        "learn", "recognize", "crossval", source, "--run", run, "--model", "trees", "--trees", 1, "--json"
+        "learn", "recognize", "crossval", source, "--run", folds, "--model", "trees", "--trees", 1, "--json"
     )
     for result in (trained, evaluated, validated):
         assert result.code == 0, result.err
         assert "Matplotlib is not installed" in result.json["findings"][0]
     files = {path.name for path in run.iterdir()}
-    assert files >= {"metrics.json", "evaluation.json", "crossval.json", "limits.json", "predictions.parquet"}
+    assert files >= {"metrics.json", "evaluation.json", "predictions.parquet"}
+    assert {path.name for path in folds.iterdir()} >= {"crossval.json", "limits.json", "predictions.parquet"}
     assert "checkpoint.npz" not in files
     assert "validation_scores" in json.loads((run / "metrics.json").read_text("utf-8"))
-    assert len(list((run / "folds").glob("trees-*.npz"))) == 5
+    assert len(list((folds / "folds").glob("trees-*.npz"))) == 5
 
 
 @pytest.mark.parametrize("model", ["trees", "mixture"])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pyarrow as pa
 import pytest
 
 from ecat.store import open_session
@@ -61,7 +62,25 @@ def test_a_session_without_skeleton_is_recognised_by_its_boxes_and_that_is_said(
     result = ecat("learn", "recognize", "predict", session, "--run", run)
     assert result.code == 0, result.err
     assert "no joints" in result.out
+    assert "who acts (Subject) is less sure" in result.err
+    quiet = ecat("learn", "recognize", "predict", session, "--run", run, "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
     assert [event.author for event in open_session(session).layer("machine").events].count(AUTHOR) > 0
+
+
+def test_stretches_in_which_a_box_is_not_seen_are_left_out_and_that_is_said(
+    run: Path, tmp_path: Path, ecat: Ecat
+) -> None:
+    def hidden(table: pa.Table) -> pa.Table:
+        frame = table["frame"].to_numpy()
+        lost = (table["object_id"].cast(pa.string()).to_numpy() == SHELL) & (frame >= 40) & (frame < 120)
+        return table.filter(pa.array(~lost))
+
+    draft = sessions.draft(markers_3d=hidden, markers_2d=hidden)
+    session = sessions.make(tmp_path / "slide", draft).path
+    found = ecat("learn", "recognize", "predict", session, "--run", run, "--json").json["sessions"][0]
+    assert f"{SHELL} is not seen for" in found["findings"][0]
+    assert not [one for one in found["proposed"] if one["start_frame"] < 110 and one["end_frame"] > 50]
 
 
 def test_sessions_that_cannot_be_recognised_are_named_and_the_others_done(

@@ -14,16 +14,16 @@ from learn.features import ch4, ch5
 from learn.features.recordings import Recording, read_session
 from learn.features.sets import SETS, feature_set, features
 from learn.features.transforms import KINDS, PcaPlanes, TablePlane, load_transform, save_transform
-from learn.features.windows import Table, window_features, windows_of
+from learn.features.windows import VERSION, Table, window_features, windows_of
 from tests.learn.features import sessions
 from tests.learn.recognize import made
 
 NAMES = {
     "ch4-raw": 63,
-    "ch4-pcas": 18,
-    "ch4-qsr": 25,
-    "ch4-qsr-sparse": 522,
-    "ch4-event": 75,
+    "ch4-pcas18": 18,
+    "ch4-qsr25": 25,
+    "ch4-sparse522": 522,
+    "ch4-event75": 75,
     "ch5-transforms": 15,
     "ch5-quantitative": 40,
     "ch5-qualitative": 13,
@@ -63,16 +63,34 @@ def test_a_set_has_the_columns_that_it_says_of_sessions_and_of_exports(
         assert np.isfinite(values(table)).all()
 
 
+def test_sets_are_called_what_models_say_that_they_see() -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ecat[learn]'")
+    from learn.features import raw
+    from learn.recognize import sequence
+    from learn.recognize.neural.recognizer import FEATURES
+
+    assert {VERSION, sequence.FEATURES, *FEATURES.values()} - {raw.VERSION} <= set(SETS)
+
+
+def test_the_page_lists_every_set() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "features.md").read_text("utf-8")
+    for one in SETS.values():
+        assert (
+            f"| `{one.name}` | {len(one.columns())} | {one.per} | {one.inputs} | {one.source} | {one.what} |"
+            in page
+        )
+
+
 def test_sets_equal_the_functions_that_they_are_made_of(recording: Recording) -> None:
     planes = PcaPlanes.fit([OTHER])
     places = ch4.pcas(EXPORT.points, planes.projections)
-    assert (values(features(EXPORT, SETS["ch4-pcas"], planes)) == places).all()
-    assert (values(features(EXPORT, SETS["ch4-qsr"], planes)) == ch4.qsr25(places)).all()
+    assert (values(features(EXPORT, SETS["ch4-pcas18"], planes)) == places).all()
+    assert (values(features(EXPORT, SETS["ch4-qsr25"], planes)) == ch4.qsr25(places)).all()
     assert recording.tracks is not None
     found = values(features(recording, SETS["ch5-qualitative"]))
     assert (found == ch5.qualitative(*ch5.by_salience(recording.tracks))).all()
     table = Table(made.SLOPE, made.HEIGHT)
-    found = values(features(EXPORT, SETS["windows"], TablePlane(table)))
+    found = values(features(EXPORT, SETS[VERSION], TablePlane(table)))
     assert (found == window_features(windows_of(EXPORT.points), table)).all()
 
 
@@ -94,11 +112,11 @@ def test_gaps_are_null_in_measurements_and_refused_in_codes() -> None:
     holes = replace(EXPORT, points=points)
     assert features(holes, SETS["ch4-raw"])["HandTipRight_x"].to_pylist()[6:9].count(None) == 1
     planes = PcaPlanes.fit([holes])
-    assert features(holes, SETS["ch4-pcas"], planes)["right_hand_y"].null_count == 1
+    assert features(holes, SETS["ch4-pcas18"], planes)["right_hand_y"].null_count == 1
     with pytest.raises(InputError) as error:
-        features(holes, SETS["ch4-qsr"], planes)
+        features(holes, SETS["ch4-qsr25"], planes)
     assert "frame 7: right_hand" in error.value.where
-    assert features(holes.filled(), SETS["ch4-qsr"], planes).num_rows == len(points)
+    assert features(holes.filled(), SETS["ch4-qsr25"], planes).num_rows == len(points)
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from ecat.errors import FormatError, InputError, NotFoundError
+from ecat.sample import sample_session
+from ecat.store import create_session
 from learn.recognize.dataset import exchanged, read_exports, words
 from tests.learn.recognize import made
 
@@ -28,6 +30,16 @@ def test_exports_are_found_however_deep_they_lie_and_empty_sessions_are_left_out
     assert [session.file for session in read_exports(tmp_path)] == ["pullpast"] * 2 + ["more"] + [
         "pushto"
     ] * 2
+
+
+@pytest.mark.parametrize("nowhere", [np.nan, np.inf, 1e300, -2e6])
+def test_points_that_are_nowhere_were_not_seen_and_are_counted(nowhere: float, tmp_path: Path) -> None:
+    points, findings = made.scene(1), list[str]()
+    points[3, 5, 1] = points[7, 14, 0] = nowhere
+    made.write(tmp_path / "a.txt", made.session("a", points, made.labels(1)))
+    (session,) = read_exports(tmp_path, findings=findings)
+    assert np.argwhere(np.isnan(session.points).all(axis=2)).tolist() == [[3, 5], [7, 14]]
+    assert [f"{tmp_path / 'a.txt'} has 2 points with no place" in said for said in findings] == [True]
 
 
 def test_exchanging_the_boxes_twice_changes_nothing(tmp_path: Path) -> None:
@@ -84,6 +96,13 @@ def test_folders_without_an_export_are_an_error_that_names_what_there_is(tmp_pat
     assert len(lines) == 21
     assert "00.txt was left out" in lines[0]
     assert lines[-1] == "3 more were left out: they are not XML"
+
+
+def test_of_sessions_it_is_said_how_they_become_an_export(tmp_path: Path) -> None:
+    create_session(tmp_path / "slide", sample_session(seed=3, actions=("next",), name="slide")[0])
+    with pytest.raises(NotFoundError) as caught:
+        read_exports(tmp_path)
+    assert f"ecat export {tmp_path} exports.txt --format ecat-learning" in caught.value.fix
 
 
 def test_unknown_labels_are_all_listed_with_their_counts_and_sessions(tmp_path: Path) -> None:

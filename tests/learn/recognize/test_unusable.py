@@ -405,3 +405,19 @@ def test_labels_have_both_names_of_the_boxes() -> None:
     assert labels_of({"vocabulary": both_names}).tolist() == both_names
     with pytest.raises(ValueError, match="exchanged"):
         labels_of({"vocabulary": both_names[:1]})
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (Path.unlink, "model.npz: No such file"),
+        (lambda file: file.write_bytes(file.read_bytes()[:1000]), "its arrays are cut off"),
+        (lambda file: (file.parent / "config.json").write_text('{"features":'), "its JSON is cut off"),
+    ],
+)
+def test_what_is_missing_or_cut_off_is_named(damage: Damage, said: str, copy: Path) -> None:
+    damage(copy / "mixture/trees/model.npz")
+    with pytest.raises(CorruptError) as caught:
+        load(copy / "mixture")
+    assert said in caught.value.where
+    assert "Errno" not in str(caught.value)

@@ -126,6 +126,51 @@ def test_every_depth_image_stands_for_itself(tmp_path: Path) -> None:
     assert found.is_key.all()
 
 
+def packets_of(
+    path: Path, images: list[np.ndarray], *, decode: bool, threads: int
+) -> list[tuple[object, ...]]:
+    """What the packets of a depth video say, written from arrays or from decoded images."""
+    import av
+
+    mine = np.zeros_like(images[0])
+    with DepthWriter(path, mine.shape[1], mine.shape[0], threads=threads) as writer:
+        for i, image in enumerate(images):
+            mine[:] = image  # whoever writes may use the same array for the next image
+            frame = av.VideoFrame.from_ndarray(image, format="gray16le")
+            writer.write(frame if decode else mine, i * PERIOD_NS)
+    found: list[tuple[object, ...]] = []
+    scan(path, "read", each=lambda p: found.append((p.pts, p.dts, p.duration, p.is_keyframe, bytes(p))))
+    return found
+
+
+@pytest.mark.parametrize("n_images", [1, 2, 30])
+def test_depth_packed_by_several_threads_is_the_same_and_in_order(tmp_path: Path, n_images: int) -> None:
+    images = [depth_image(i, 96, 128) for i in range(n_images)]
+    alone = packets_of(tmp_path / "1.mkv", images, decode=False, threads=1)
+    assert len(alone) == n_images
+    for threads in (2, 3):
+        for decode in (False, True):
+            path = tmp_path / f"{threads}{decode}.mkv"
+            assert packets_of(path, images, decode=decode, threads=threads) == alone
+            for image, frame in zip(images, decoded(path, "read"), strict=True):
+                np.testing.assert_array_equal(frame.to_ndarray(), image)
+
+
+@pytest.mark.parametrize("order", ["le", "be"])
+def test_decoded_depth_of_either_byte_order_is_kept_to_the_bit(order: str) -> None:
+    import av
+
+    image = np.random.default_rng(0).integers(0, 65536, (24, 34)).astype(np.uint16)
+    image[0, :2] = 0, 65535
+    frame = av.VideoFrame.from_ndarray(image, format=f"gray16{order}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "depth.mkv"
+        with DepthWriter(path, 34, 24) as writer:
+            writer.write(frame.reformat(format="gray16le"), 0)
+        (kept,) = decoded(path, "read")
+    np.testing.assert_array_equal(kept.to_ndarray(), image)
+
+
 def test_color_has_a_key_frame_every_15_images_and_no_others_out_of_order(tmp_path: Path) -> None:
     found = scan(color_clip(tmp_path / "color.mp4", 60), "read").packets[0]
     assert np.diff(np.flatnonzero(found.is_key)).max() <= 15
