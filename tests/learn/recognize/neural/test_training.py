@@ -16,7 +16,6 @@ import torch
 from ecat.errors import CorruptError, InputError, LimitError
 from learn.recognize import kept
 from learn.recognize.dataset import Labels
-from learn.recognize.neural import training
 from learn.recognize.neural.checkpoints import read_tensors, write_tensors
 from learn.recognize.neural.networks import Dense, RawNetwork, SlotNetwork
 from learn.recognize.neural.training import History, Settings, fit
@@ -106,7 +105,7 @@ def test_a_network_whose_checkpoint_could_not_be_read_again_is_not_trained_at_al
     def no_epoch(*_: object) -> float:
         raise AssertionError("it was trained")
 
-    monkeypatch.setattr(training._Trainer, "run_epoch", no_epoch)
+    monkeypatch.setattr("learn.recognize.neural.training._Trainer.run_epoch", no_epoch)
     with pytest.raises(LimitError, match="train a smaller model"):
         trained(settings, checkpoint=tmp_path / "other.npz")
 
