@@ -33,6 +33,7 @@ Image: TypeAlias = "NDArray[Any] | VideoFrame"
 Images: TypeAlias = Callable[[], Iterable[tuple[int, Image]]]
 """Called once, when the session is written: the time of each image since the session's start in ns, and the image."""
 
+_LATEST_NS = 100 * 366 * 24 * 3600 * 10**9
 _THREADS = 2
 _MANY = 100  # notes kept of one session
 _TELL_EVERY = 16
@@ -76,7 +77,7 @@ class Track:
             self.copy(path)
             return
         assert self.images is not None
-        images = iter(self.images())
+        images = self._in_time(self.images())
         first = next(images, None)
         if first is None:
             raise FormatError(
@@ -102,6 +103,17 @@ class Track:
         if others:
             self.note(f"{others} images of another size than {width} x {height} were left out")
         self.progress(f"writing {self.stream.name}", len(self.t_ns), self.expected or len(self.t_ns))
+
+    def _in_time(self, images: Iterable[tuple[int, Image]]) -> Iterator[tuple[int, Image]]:
+        """The images, without those of a damaged file whose time is none that a table could hold."""
+        lost = 0
+        for t_ns, image in images:
+            if abs(t_ns) < _LATEST_NS:
+                yield t_ns, image
+            else:
+                lost += 1
+        if lost:
+            self.note(f"{lost} images whose time is more than a century away were left out")
 
     def _writer(self, path: Path, width: int, height: int) -> Any:
         if self.stream.kind == "color":
