@@ -65,7 +65,7 @@ def annotated(session: Session) -> list[Slide]:
 
 
 def proposed(session: Session) -> list[Slide]:
-    """What the recogniser said; what moves is the object of what a performer does, or the subject."""
+    """What the recogniser said of each movement; what moves is the object of what a performer does, or the subject."""
     roles: dict[str, dict[str, str]] = {}
     for row in session.event_roles.to_arrow().to_pylist():
         if row["layer"] == MACHINE:
@@ -73,7 +73,7 @@ def proposed(session: Session) -> list[Slide]:
     return [
         Slide(said.get("Object") or said["Subject"], e["start_frame"], e["end_frame"], e["type"])
         for e in session.events.to_arrow().to_pylist()
-        if e["author"] == AUTHOR and (said := roles[e["event_id"]])
+        if e["author"] == AUTHOR and e["parent"] is None and (said := roles[e["event_id"]])
     ]
 
 

@@ -15,7 +15,9 @@ from ecat import errors
 from ecat.errors import DiskError, EcatError, FormatError, ReadOnlyError, SchemaError, os_error
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "ecat").rglob("*.py"))
+SOURCES = sorted(
+    str(path.relative_to(ROOT)) for package in ("ecat", "learn") for path in (ROOT / package).rglob("*.py")
+)
 KINDS = {
     name: kind
     for name, kind in vars(errors).items()

@@ -255,11 +255,12 @@ def crossval(
     four; nothing is fitted to a session that is tested.  RUN gets crossval.json (with baselines for trees; also
     without the sessions whose labels look inverted), predictions.parquet, pictures of the confusions, and limits.json
     and limits.png: how errors lie about changes of the label, and in which slots.  Folds are kept in RUN/folds: the
-    same command goes on where it was interrupted.
+    same command goes on where it was interrupted, also with more seeds.  Another model, other folds or other options
+    need another RUN.
     """
     from dataclasses import replace
 
-    from learn.recognize.crossval import cross_validate_model
+    from learn.recognize.crossval import cross_validate_model, refuse_another, said_of
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import (
         CONFUSIONS,
@@ -276,6 +277,7 @@ def crossval(
     pictures = ("limits.png", *CONFUSIONS.values())
     refuse_other_work(run, training=False)
     require_free(run, (PREDICTIONS, CROSSVAL, "limits.json", *pictures))
+    refuse_another(run, said_of(model, kind, share, options))
     findings: list[str] = []
     with out.progress() as progress:
         sessions = read_exports(source, progress, findings)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ecat.model import Event
     from ecat.progress import Progress
-    from learn.recognize.episodes import Action
+    from learn.recognize.predict import Action
     from learn.recognize.runs import Recognizer
 
 
@@ -70,13 +70,15 @@ def predict(
     """Propose who does what to which box in sessions.
 
     What is recognised becomes events in the layer `machine`, to be accepted or rejected like those of `ecat process`:
-    in `ecat annotate`, or by `ecat proposal`; `ecat view` shows them.  Each has its span, a text, the roles Subject,
-    Object and Locative, a confidence, and a preposition.  Proposals of an earlier call are replaced, but for those that
-    people have decided about; what others proposed or people said stays as it is.
+    in `ecat annotate`, or by `ecat proposal`; `ecat view` shows them.  There is one for each movement, with its span, a
+    text, the roles Subject, Object and Locative, a confidence, and a preposition; what comes before the other box
+    matters is a sub-event of it.  Proposals of an earlier call are replaced, but for those that people have decided
+    about; what others proposed or people said stays as it is.
 
     Best after `ecat process`, which tells where the table and the boxes are.  What a session lacks is said, and what
-    was left out: windows in which a box is mostly unseen, or over which the clock jumps, say nothing.  Without a
-    skeleton actions are recognised by the boxes alone, and less well, above all who acts.
+    was left out: windows in which a box is mostly unseen, or over which the clock jumps, say nothing.  A movement of
+    which more than a window is left out becomes two.  Without a skeleton actions are recognised by the boxes alone, and
+    less well, above all who acts.
     """
     from ecat.cli.describe import sessions_at
     from ecat.errors import UsageError
@@ -115,7 +117,7 @@ def _predicted(
 ) -> dict[str, Any]:
     from ecat.store import open_session
     from learn.features.recordings import read_session
-    from learn.recognize.episodes import recognize
+    from learn.recognize.predict import recognize
     from learn.recognize.proposals import AUTHOR, events_of, replace_proposals, require_free_layer
 
     session = open_session(path)
@@ -132,18 +134,11 @@ def _predicted(
     return {
         "path": str(path),
         "proposed": [
-            {
-                "type": event.type,
-                "text": event.text,
-                "start_frame": event.segments[0].start_frame,
-                "end_frame": event.segments[0].end_frame,
-                **{role.name.lower(): role.target for role in event.roles},
-                **{one.name: one.value for one in event.properties},
-                "confidence": _confidence(event),
-            }
+            {**_said(event), "parts": [_said(part) for part in replaced.events if part.parent == event.id]}
             for event in replaced.events
+            if not event.parent
         ],
-        "added": len(replaced.events),
+        "added": replaced.added,
         "removed": replaced.removed,
         "kept": replaced.kept,
         "findings": findings,
@@ -162,8 +157,17 @@ def _guessed(actions: Sequence[Action]) -> str:
     )
 
 
-def _confidence(event: Event) -> float:
-    return float(next(one.value for one in event.properties if one.name == "confidence"))
+def _said(event: Event) -> dict[str, Any]:
+    properties = {one.name: one.value for one in event.properties}
+    return {
+        "type": event.type,
+        "text": event.text,
+        "start_frame": event.segments[0].start_frame,
+        "end_frame": event.segments[0].end_frame,
+        **{role.name.lower(): role.target for role in event.roles},
+        **properties,
+        "confidence": float(properties["confidence"]),
+    }
 
 
 def _lines(session: dict[str, Any]) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +54,7 @@ class Recording:
     moves : first frame, and the one after the last, of each movement of either box, by the stage `relations`; None
         where it did not run.
     findings : what was missing, and what was chosen, a line each.
+    called : boxes in messages, by id: the id, and the name where there is one.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Recording:
     planes: tuple[tuple[int, Rigid], ...] = ()
     moves: tuple[tuple[int, int], ...] | None = None
     findings: tuple[str, ...] = ()
+    called: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @property
     def has_joints(self) -> bool:
@@ -133,6 +135,8 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
     seen += [(name, pose[:, :3]) for name, pose in poses.items()]  # a pose says it better, if there is any
     places = {name: place for name, place in seen if np.isfinite(place).all(axis=1).any()}
     pair, findings = _pair(session, places, objects)
+    names = _names(session)
+    called = {name: _called(name, names) for name in pair}
     joints, rig, missing = _joints(session, n)
     points = np.full((n, N_POINTS, 3), np.nan)
     points[:, : len(JOINTS)] = joints
@@ -141,7 +145,7 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
         if name in corners:
             points[:, at : at + 4] = corners[name]
         else:
-            missing.append(f"no marker of {name} is known in space")
+            missing.append(f"no marker of {called[name]} is known in space")
     t_s, told = _times(clock["t_ns"].to_numpy() / 1e9)
     both = all(name in poses and np.isfinite(poses[name]).all(axis=1).any() for name in pair)
     tracks = np.stack([interpolated(track_of(poses[name])) for name in pair]) if both else None
@@ -150,9 +154,8 @@ def read_session(session: Session, objects: Sequence[str] = ()) -> Recording:
             "there are no poses of both boxes, so it is not known where they are on the table (ecat process)"
         )
     moves = _moves(session, pair)
-    return Recording(
-        session.name, points, tracks, t_s, pair, rig, planes, moves, (*findings, *missing, *told)
-    )
+    said = (*findings, *missing, *told)
+    return Recording(session.name, points, tracks, t_s, pair, rig, planes, moves, said, called)
 
 
 def _has(session: Session, name: str) -> bool:
@@ -236,8 +239,8 @@ def _pair(
     session: Session, places: Mapping[str, Floats], wanted: Sequence[str]
 ) -> tuple[tuple[str, str], list[str]]:
     what = f"cannot compute features of session {session.name}"
-    names = {row["object_id"]: row["name"] for row in session.objects.to_arrow().to_pylist()}
-    there = ", ".join(f"{key} ({names[key]})" if names.get(key) else key for key in places) or "none"
+    names = _names(session)
+    there = ", ".join(_called(key, names) for key in places) or "none"
     if wanted:
         chosen = [key for word in wanted for key in places if word in {key, names.get(key)}]
         if len(wanted) != 2 or len(set(chosen)) != 2:
@@ -265,6 +268,14 @@ def _pair(
     return (first, second), [
         f"of {len(places)} boxes ({there}) chosen were {chosen_names}; --objects chooses"
     ]
+
+
+def _names(session: Session) -> dict[str, str]:
+    return {row["object_id"]: row["name"] for row in session.objects.to_arrow().to_pylist()}
+
+
+def _called(key: str, names: Mapping[str, str]) -> str:
+    return f"{key} ({names[key]})" if names.get(key) else key
 
 
 def _middle(corners: Floats) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecat.errors import CorruptError
+from ecat.errors import CorruptError, ExistsError
 from ecat.progress import Progress, beginning, silent
 from learn.features import raw, windows
 from learn.recognize.dataset import LabelledSession
@@ -27,8 +27,8 @@ from learn.recognize.evaluation import (
     summary,
 )
 from learn.recognize.folds import N_FOLDS, Kind
-from learn.recognize.kept import read_arrays, write_arrays
-from learn.recognize.runs import Options, train
+from learn.recognize.kept import read_arrays, read_json, write_arrays
+from learn.recognize.runs import CROSSVAL, Options, train
 from learn.recognize.unusable import undamaged
 
 Recognize = Callable[[Split, Progress], Predicted]
@@ -54,6 +54,33 @@ def made_of(name: str, options: Options) -> str:
     if name not in ("trees", "hmm", "lds"):
         parts.append(options.of_network(name))
     return repr(parts) + versions.get(name, "")
+
+
+def said_of(name: str, kind: Kind, share: float, options: Options) -> dict[str, Any]:
+    """What was asked for, as the figures have it: model, folds, share, and those of the options that were given."""
+    given = {key: value for key, value in vars(options).items() if key != "seed" and value is not None}
+    return {"model": name, "folds": kind, "share": share, "options": given}
+
+
+def refuse_another(run: Path, said: dict[str, Any]) -> None:
+    """Say before the work that the figures in ``run`` are of another cross-validation than ``said``: they and the
+    pictures would be replaced, and folds of which only the options differ.
+
+    Raises
+    ------
+    ExistsError : they are.
+    CorruptError : it cannot be read what they are of.
+    """
+    source, fix = run / CROSSVAL, "name another folder (--run)"
+    what, consequence = f"cannot cross-validate into {run}", "nothing was trained"
+    if not source.exists():
+        return
+    with undamaged(f"{what}: {CROSSVAL} cannot be read", consequence=consequence, fix=fix):
+        there = {**said, **read_json(source)}
+        words = {key: there[key] for key in ("model", "folds", "share")} | there["options"]
+    if any(there[key] != value for key, value in said.items()):
+        shown = " ".join(f"--{key} {value}" for key, value in words.items())
+        raise ExistsError(what, where=f"{source} is of another: {shown}", consequence=consequence, fix=fix)
 
 
 def kept_or(
@@ -121,9 +148,7 @@ def cross_validate_model(
         runs.append(in_order(parts, sessions))
     scored = [scores(run) for run in runs]
     return {
-        "model": name,
-        "folds": kind,
-        "share": share,
+        **said_of(name, kind, share, options[0]),
         **({"baselines": baselines(splits, progress)} if name == "trees" else {}),
         **summary([one.seed for one in options], scored),
     }, runs[0]

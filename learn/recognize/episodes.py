@@ -1,4 +1,4 @@
-"""Actions of a whole session: the stretches in which boxes move, and the windows of each as spans of equal labels.
+"""A whole session as recordings of one action each: the stretches in which boxes move.
 
 A recogniser knows recordings of one action, as long as the sessions that it was trained on.  A longer session is cut
 into stretches around the movements of its boxes, and each of them is recognised as a recording of its own.  No window
@@ -7,27 +7,20 @@ goes over a jump of the clock, or hardly shows one of the boxes: it would be no 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecat.cli.text import count
-from ecat.errors import CorruptError, InputError
+from ecat.errors import InputError
 from ecat.process.inputs import MAX_FRAMES
-from ecat.progress import Progress, silent
 from learn.features.ch5 import interpolated
 from learn.features.points import JOINTS, N_POINTS
 from learn.features.recordings import Recording
 from learn.features.windows import HOP, LENGTH, Table
-from learn.recognize.actions import movers
-from learn.recognize.dataset import words
-from learn.recognize.grammar import of_one_action
-from learn.recognize.model import Recognized
-from learn.recognize.runs import Recognizer
 
 Floats = NDArray[np.float64]
 
@@ -47,8 +40,6 @@ _JUMP_S = LENGTH / 2 / FPS
 """Where the clock goes on by more than this and a frame, it jumps: half a window is not there."""
 MOST_UNSEEN = LENGTH * 3 // 4
 """Frames of a window in which a box may be unseen; hands are often before it for half of one, which does not matter."""
-_REST_M, _GONE_M = 0.01, 0.03
-"""By its poses a box rests that goes less far than the one, and moves if it goes farther than the other."""
 _STEP, _MOVED_M, _PAUSE = 10, 0.02, 15
 """A box moves where it gets this far in so many frames about it; shorter pauses do not part movements."""
 
@@ -56,29 +47,23 @@ _STEP, _MOVED_M, _PAUSE = 10, 0.02, 15
 @dataclass(frozen=True)
 class Episode:
     """Points (n, 21, 3) of one action, at about :data:`FPS`; ``frame`` (n + 1,) where each is in the session, and the
-    end; ``table`` the one of the session, None if it is not known.
+    end; ``table`` the one of the session, None if it is not known; ``goes_on`` if it shows the movement of the one
+    before, and not more than a window is left out between them.
     """
 
     points: Floats
     frame: Floats
     table: Table | None
+    goes_on: bool = False
 
-
-@dataclass(frozen=True)
-class Action:
-    """What was recognised from frame ``start`` to before ``end``: words in the slots, how probable they are, and if
-    a joint was seen then, without which it is hardly known who acts.
-    """
-
-    start: int
-    end: int
-    words: tuple[str | None, ...]
-    confidence: float
-    has_joints: bool = True
+    def places(self, tracks: Floats) -> Floats:
+        """Where boxes are on the table (2, n, 2), by tracks (2, m, 3) of the session at the nearest frames."""
+        frames = self.frame[:-1].round().astype(np.int64).clip(0, tracks.shape[1] - 1)
+        return tracks[:, frames, :2]
 
 
 def episodes(recording: Recording, findings: list[str] | None = None) -> list[Episode]:
-    """The stretches of a recording that show an action each, in their order.
+    """The stretches of a recording that show an action each, or more of the one before, in their order.
 
     Parameters
     ----------
@@ -104,84 +89,19 @@ def episodes(recording: Recording, findings: list[str] | None = None) -> list[Ep
     for one, parts in zip(whole, shown, strict=True):
         n = len(one.points)
         moves = [(0, n)] if len(whole) == 1 and n <= ONE_ACTION else _movements(recording, one)
-        seen = ((max(start, first), min(end, stop)) for start, end in moves for first, stop in parts)
-        found += [
-            replace(one, points=one.points[start:end], frame=one.frame[start : end + 1])
-            for start, end in seen
-            if end - start >= LENGTH
-        ]
+        for start, end in moves:
+            seen = ((max(start, first), min(end, stop)) for first, stop in parts)
+            found += _parts(one, [span for span in seen if span[1] - span[0] >= LENGTH])
     return found
 
 
-def recognize(
-    recording: Recording,
-    recognizer: Recognizer,
-    progress: Progress = silent,
-    *,
-    run: Path | None = None,
-    findings: list[str] | None = None,
-) -> list[Action]:
-    """The actions in a recording, in their order; windows in which nothing is done are in none.
-
-    Parameters
-    ----------
-    run : the folder that the recogniser was read from, to be named in errors.
-    findings : gets lines about what was left out, and why.
-
-    Raises
-    ------
-    InputError : it is shorter than a window.
-    CorruptError : the recogniser says what is no probability.
-    """
-    found: list[Action] = []
-    stretches = episodes(recording, findings)
-    for done, episode in enumerate(stretches):
-        progress("recognising", done, len(stretches))
-        asked = recognizer if episode.table is None else recognizer.on_table(episode.table)
-        seen = asked.recognize([episode.points])
-        _require_probabilities(recording, run, seen)
-        probable = _agreeing(recording, episode, seen)
-        said = of_one_action(seen.vocabulary, probable)
-        sure = np.take_along_axis(probable, said[:, None], axis=1)[:, 0]
-        found += _spans(episode, seen.vocabulary[said].tolist(), sure)
-    progress("recognising", len(stretches), len(stretches))
-    return found
-
-
-def _agreeing(recording: Recording, episode: Episode, seen: Recognized) -> Floats:
-    """Probabilities (w, k) of labels, without those that move a box which by its poses rests while the other moves."""
-    if recording.tracks is None:
-        return seen.context
-    place = recording.tracks[:, _frames(recording.tracks, episode), :2]
-    farthest = np.linalg.norm(place - place[:, :1], axis=-1).max(axis=1)
-    rests = (farthest < _REST_M) & (farthest[::-1] > _GONE_M)
-    mover = movers(seen.vocabulary)
-    impossible = (mover > 0) & rests[np.maximum(mover, 1) - 1]
-    if impossible.all():
-        return seen.context
-    left = np.where(impossible, 0.0, seen.context + np.finfo(float).tiny)
-    return left / left.sum(axis=1, keepdims=True)
-
-
-def _frames(tracks: Floats, episode: Episode) -> NDArray[np.int64]:
-    """The frames of a session's tracks (2, n, 3) that those of an episode are nearest to."""
-    return episode.frame[:-1].round().astype(np.int64).clip(0, tracks.shape[1] - 1)
-
-
-def _spans(episode: Episode, labels: Sequence[Sequence[int]], probability: Floats) -> Iterator[Action]:
-    """Windows of equal labels, from half a hop before the middle of the first to half a hop after that of the last."""
-    edges = [0, *(i for i, (a, b) in enumerate(pairwise(labels), start=1) if a != b), len(labels)]
-    has_joints = bool(np.isfinite(episode.points[:, : len(JOINTS)]).any())
-    for first, end in pairwise(edges):
-        said = tuple(words(labels[first]))
-        if said[3] is None:
-            continue
-        # a session that was not cut begins and ends with its windows, others with their movement
-        start = HOP * first + (LENGTH - HOP) // 2
-        stop = HOP * (end - 1) + (LENGTH + HOP) // 2
-        frames = [round(float(episode.frame[place])) for place in (start, min(stop, len(episode.points)))]
-        sure = float(probability[first:end].mean())
-        yield Action(frames[0], max(frames[1], frames[0] + 1), said, sure, has_joints)
+def _parts(one: Episode, spans: Sequence[tuple[int, int]]) -> list[Episode]:
+    """Of a movement, what is shown of it."""
+    goes_on = [False, *(then - end <= LENGTH for (_, end), (then, _) in pairwise(spans))]
+    return [
+        Episode(one.points[start:end], one.frame[start : end + 1], one.table, more)
+        for (start, end), more in zip(spans, goes_on, strict=False)
+    ]
 
 
 def _stretches(recording: Recording) -> list[Episode]:
@@ -277,7 +197,7 @@ def _left_out(recording: Recording, stretches: Iterable[tuple[Episode, list[tupl
     if round(sum(lasting) * step * FPS) >= LENGTH:  # less than a window is not worth a line
         first, last = spans[int(np.argmax(lasting))]
         boxes = [
-            f"{name} is not seen for {frames * step:.1f} s of it"
+            f"{recording.called.get(name, name)} is not seen for {frames * step:.1f} s of it"
             for name, frames in zip(recording.objects, unseen.tolist(), strict=True)
             if frames * step >= 0.05
         ]
@@ -311,16 +231,6 @@ def _span(t_s: Floats) -> str:
 def _unfit(recording: Recording, where: str, fix: str) -> InputError:
     what = f"cannot recognise actions of session {recording.name}"
     return InputError(what, where=where, consequence="nothing was recognised", fix=fix)
-
-
-def _require_probabilities(recording: Recording, run: Path | None, seen: Recognized) -> None:
-    if not np.isfinite(seen.context).all():
-        raise CorruptError(
-            f"cannot use the model {run}" if run else "cannot use the model",
-            where=f"what it says of session {recording.name} are no probabilities",
-            consequence="nothing was recognised, and no proposals were replaced",
-            fix="train it again",
-        )
 
 
 def _resampled(points: Floats, t_s: Floats, times: Floats) -> Floats:
@@ -358,7 +268,7 @@ def _seen_to_move(recording: Recording, one: Episode) -> list[tuple[int, int]]:
     for box in range(2):
         at = len(JOINTS) + 4 * box
         if recording.tracks is not None:
-            place = recording.tracks[box, _frames(recording.tracks, one), :2]
+            place = one.places(recording.tracks)[box]
         else:
             place = np.median(one.points[:, at : at + 4], axis=1)
             if not np.isfinite(place).all(axis=1).any():

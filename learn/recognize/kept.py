@@ -45,14 +45,27 @@ def read_config(run: Path) -> dict[str, Any]:
     if not (run / CONFIG).is_file():
         fix = f"ecat learn recognize train DIR --run {run}"
         raise NotFoundError(what, where=f"there is no {CONFIG}", fix=fix)
-    with undamaged(what), (run / CONFIG).open("rb") as stream:
+    with undamaged(what):
+        return read_json(run / CONFIG)
+
+
+def read_json(source: Path) -> dict[str, Any]:
+    """The object in a JSON file, all numbers of which are finite.
+
+    To be called in :func:`undamaged`: what is raised where the file is damaged may be anything.
+
+    Raises
+    ------
+    ValueError, TypeError : it is longer than :data:`MOST_CONFIG_BYTES`, or no such object.
+    """
+    with source.open("rb") as stream:
         text = stream.read(MOST_CONFIG_BYTES + 1)
-        if len(text) > MOST_CONFIG_BYTES:
-            raise ValueError(f"{CONFIG} has more than {MOST_CONFIG_BYTES:,} bytes")
-        found: Any = json.loads(text.decode(), parse_float=_finite, parse_constant=_finite)
-        if not isinstance(found, dict):
-            raise TypeError(f"{CONFIG} is no object")
-        return found
+    if len(text) > MOST_CONFIG_BYTES:
+        raise ValueError(f"{source.name} has more than {MOST_CONFIG_BYTES:,} bytes")
+    found: Any = json.loads(text.decode(), parse_float=_finite, parse_constant=_finite)
+    if not isinstance(found, dict):
+        raise TypeError(f"{source.name} is no object")
+    return found
 
 
 def read_arrays(source: Path, names: Container[str] | None = None) -> dict[str, NDArray[Any]]:
@@ -179,5 +192,5 @@ def _array(name: str, data: bytes) -> NDArray[Any]:
 
 def _finite(text: str) -> float:
     if not math.isfinite(value := float(text)):
-        raise ValueError(f"{CONFIG}: {text[:50]} is no number")
+        raise ValueError(f"{text[:50]} is no number")
     return value

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 from ecat.errors import UsageError
 from ecat.model import AnnotatedObject, Event, Layer, Property, Relation, Role, Segment
 from ecat.model.annotation import MACHINE, TextReference, with_relation_ids
+from ecat.model.document import Document
 from ecat.process.inputs import clock_table
 from ecat.store import Session
 from learn.features.recordings import Recording
-from learn.recognize.episodes import Action
+from learn.recognize.predict import Action
 
 AUTHOR = "ecat learn recognize"
 ROLES = ("Subject", "Object", "Locative")
@@ -28,7 +29,7 @@ _PERFORMER = "performer"
 @dataclass(frozen=True)
 class Replaced:
     """Of one author's proposals: those that are new, how many of the old were taken out, and how many of them stay, as
-    people have decided about them.
+    people have decided about them.  Sub-events come with the event that they are part of, and are not counted.
     """
 
     events: tuple[Event, ...]
@@ -39,16 +40,25 @@ class Replaced:
     @property
     def added(self) -> int:
         """How many are new."""
-        return len(self.events) + len(self.relations)
+        return _count((*self.events, *self.relations))
 
 
 def events_of(session: Session, recording: Recording, actions: Sequence[Action]) -> tuple[Event, ...]:
-    """Proposed events of actions: type, text, one segment, roles and how sure the recogniser is; without ids."""
+    """Proposed events of actions: type, text, one segment, roles and how sure the recogniser is.  What an action is
+    before it gets its locative is a sub-event of it.  Ids are only good for telling which.
+    """
     names = {thing.id: thing.name or thing.id for thing in _objects(session)}
     rig = recording.rig or _PERFORMER
     things = {"Performer": rig, "Object_1": recording.objects[0], "Object_2": recording.objects[1]}
     times = _times(session)
-    return tuple(_event(action, things, names, times) for action in actions)
+    events: list[Event] = []
+    for number, action in enumerate(actions, start=1):
+        whole = replace(_event(action, things, names, times), id=f"a{number}")
+        events.append(whole)
+        if action.before is not None:
+            part = _event(action.before, things, names, times)
+            events.append(replace(part, tier="sub-event", parent=whole.id))
+    return tuple(events)
 
 
 def require_free_layer(session: Session, layer: str) -> None:
@@ -77,8 +87,8 @@ def replace_proposals(
     """Make ``events`` and ``relations`` all that ``author`` proposes in a layer, in one commit.
 
     Proposals of other authors stay as they are.  So do the author's own that people have accepted or rejected, which
-    are not proposed a second time, events also not if they have moved by some frames.  Events may have parents among
-    those of the same author only.
+    are not proposed a second time, events also not if they have moved by some frames; an event and its sub-events stay
+    or go together.  Events may have parents among those of the same author only, and get new ids.
 
     Raises
     ------
@@ -89,17 +99,17 @@ def replace_proposals(
     require_free_layer(session, layer)
     old = with_relation_ids(_layer(session, layer))
     decided = _decided(session, layer)
+    whole = {part.id: one.id for one in old.events if not one.parent for part in Document(old).tree(one.id)}
+    settled = {item.id for item in (*old.events, *old.relations) if item.status != "proposed"} | decided
+    settled |= {whole[name] for name in settled if name in whole}
 
     def stays(item: Event | Relation) -> bool:
-        return item.author != author or item.status != "proposed" or item.id in decided
+        return item.author != author or whole.get(item.id, item.id) in settled
 
     kept_events = tuple(event for event in old.events if stays(event))
     kept_relations = tuple(relation for relation in old.relations if stays(relation))
     number = max(old.event_counter, *_numbers(old.events, "a"), *_numbers_of(decided, "a"))
-    new_events = [
-        replace(event, id=f"a{number + i}")
-        for i, event in enumerate(_new_events(events, author, kept_events), start=1)
-    ]
+    new_events = _numbered(_new_events(events, author, kept_events), number)
     last = max(old.relation_counter, *_numbers(old.relations, "r"), *_numbers_of(decided, "r"))
     there = {_meaning(relation) for relation in kept_relations}
     new_relations = [
@@ -115,11 +125,11 @@ def replace_proposals(
     )
     made = replace(made, objects=_taking_part(session, made))
     mine = [item for item in (*kept_events, *kept_relations) if item.author == author]
-    removed = len(old.events) + len(old.relations) - len(kept_events) - len(kept_relations)
-    if new_events or new_relations or removed:
+    gone = [item for item in (*old.events, *old.relations) if not stays(item)]
+    if new_events or new_relations or gone:
         with session.write() as commit:
             commit.put_layer(made)
-    return Replaced(tuple(new_events), tuple(new_relations), removed, len(mine))
+    return Replaced(tuple(new_events), tuple(new_relations), _count(gone), _count(mine))
 
 
 def _event(
@@ -203,19 +213,44 @@ def _is_of_a_person(session: Session, layer: Layer) -> bool:
 
 
 def _new_events(events: Iterable[Event], author: str, kept: Sequence[Event]) -> list[Event]:
-    """Those that no event that stays says already."""
+    """Those that no event that stays says already, each with its sub-events."""
     there = {_meaning(event) for event in kept}
-    signed = [replace(event, author=author) for event in events]
+    found: list[Event] = []
+    said = set[str]()
+    for event in (replace(event, author=author) for event in events):
+        if event.parent:
+            is_said = event.parent in said
+        else:
+            is_said = _meaning(event) in there or any(_is_the_same(event, one) for one in kept)
+        if is_said:
+            said.add(event.id)
+        else:
+            found.append(event)
+    return found
+
+
+def _numbered(events: Sequence[Event], last: int) -> list[Event]:
+    """Events with ids that follow a number, also where they are the parents of others."""
+    ids = {event.id: f"a{last + i}" for i, event in enumerate(events, start=1)}
     return [
-        event
-        for event in signed
-        if _meaning(event) not in there and not any(_is_the_same(event, one) for one in kept)
+        replace(event, id=f"a{last + i}", parent=ids[event.parent] if event.parent else None)
+        for i, event in enumerate(events, start=1)
     ]
+
+
+def _count(proposals: Iterable[Event | Relation]) -> int:
+    """How many there are to decide about: sub-events come with the event that they are part of."""
+    return sum(not (isinstance(item, Event) and item.parent) for item in proposals)
 
 
 def _is_the_same(event: Event, kept: Event) -> bool:
     """Whether an event is one that stays: it says the same, and they overlap by more than half of what both last."""
-    said = (event.author, event.type, event.roles) == (kept.author, kept.type, kept.roles)
+    said = (event.author, event.tier, event.type, event.roles) == (
+        kept.author,
+        kept.tier,
+        kept.type,
+        kept.roles,
+    )
     if not (said and event.segments and kept.segments):
         return False
     spans = [(one.segments[0].start_frame, one.segments[-1].end_frame) for one in (event, kept)]

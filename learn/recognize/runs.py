@@ -143,8 +143,8 @@ def refuse_taken(run: Path, name: str) -> None:
 
 
 def unstopped(name: str, options: Options, sessions: Sequence[LabelledSession]) -> str:
-    """That no session says when to stop training a network although a share of each file was to, as files are too
-    small; empty if that is not so.
+    """That no session says when to stop training a network although a share of each file was to, as there are too few;
+    empty if that is not so.
     """
     if name in _FILES:
         return ""
@@ -157,8 +157,8 @@ def unstopped(name: str, options: Options, sessions: Sequence[LabelledSession]) 
     share = math.ceil(100 * (0.5 / most + 0.001)) / 100
     fix = f"--validation {share:g} sets some aside" if share <= MOST_VALIDATION else "give more sessions"
     return (
-        f"nothing says when to stop: a share of {settings.validation:g} of {count(most, 'session')} a file, or fewer, "
-        f"is none, so all {settings.epochs:,} epochs are trained; {fix}"
+        f"nothing says when to stop: of {count(len(sessions), 'session')}, {most:,} a file or fewer, a share of "
+        f"{settings.validation:g} is none, so all {settings.epochs:,} epochs are trained; {fix}"
     )
 
 

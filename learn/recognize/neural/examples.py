@@ -27,6 +27,8 @@ from learn.recognize.folds import Key
 from learn.recognize.inputs import Fitted
 from learn.recognize.neural.training import Settings
 
+FEWEST = 5
+"""Sessions of which one says when to stop although a share of no file is one; of fewer, each is needed to learn."""
 _TRUNK, _ELBOWS = [0, 1, 7], [2, 8]
 """Of joints."""
 
@@ -34,13 +36,17 @@ _TRUNK, _ELBOWS = [0, 1, 7], [2, 8]
 def held_out(
     sessions: Sequence[LabelledSession], settings: Settings
 ) -> tuple[list[LabelledSession], list[LabelledSession]]:
-    """Sessions to learn from, and a share of every file that says when to stop."""
+    """Sessions to learn from, and a share of every file that says when to stop: if that is none of any, one of them all
+    where there are :data:`FEWEST` or more.
+    """
     generator = np.random.default_rng(settings.seed)
     held: set[Key] = set()
     for file in sorted({session.file for session in sessions}):
         keys = [session.key for session in sessions if session.file == file]
         count = round(settings.validation * len(keys))
         held.update(keys[place] for place in generator.permutation(len(keys))[:count].tolist())
+    if settings.validation and not held and len(sessions) >= FEWEST:
+        held.add(sessions[int(generator.integers(len(sessions)))].key)
     known = [session for session in sessions if session.key not in held]
     return known, [session for session in sessions if session.key in held]
 

@@ -133,6 +133,8 @@ class TreeCRF(nn.Module):
             raise InputError(
                 "cannot score labellings",
                 where=f"unary scores are of {sizes} values, the tree's slots have {self.tree.sizes}",
+                consequence="nothing was computed",
+                fix="give scores (b, n) of each slot, n as many as the tree has values of it",
             )
         beliefs = list(unary)
         beliefs[self.tree.root] = beliefs[self.tree.root] + self.weight * self.start

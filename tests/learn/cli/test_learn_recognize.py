@@ -166,6 +166,33 @@ def test_cross_validation_of_another_model_is_kept_fold_by_fold(tmp_path: Path, 
     assert (run / "confusion_windows.png").is_file()
 
 
+def test_the_figures_of_a_cross_validation_are_not_replaced_by_those_of_another(
+    tmp_path: Path, ecat: Ecat
+) -> None:
+    source, run = made.exports(tmp_path / "exports", 10), tmp_path / "folds"
+    command = ("learn", "recognize", "crossval", source, "--run", run, "--json")
+    trees = ("--model", "trees", "--trees", 1)
+    assert ecat(*command, *trees).code == 0
+    before = (run / "crossval.json").read_bytes()
+    for other in (
+        ("--model", "lds"),
+        (*trees, "--folds", "blocks"),
+        (*trees, "--share", 0.5),
+        ("--model", "trees", "--trees", 2),
+    ):
+        # nothing is read before that is said
+        refused = ecat("learn", "recognize", "crossval", tmp_path / "none", "--run", run, "--json", *other)
+        error = refused.json["error"]
+        assert (refused.code, error["error"]) == (1, "ExistsError")
+        assert "--model trees --folds random --share 1.0 --trees 1" in error["where"]
+    assert (run / "crossval.json").read_bytes() == before
+    again = ecat(*command, *trees, "--seeds", 2)
+    assert (again.code, set(again.json["runs"])) == (0, {"0", "1"})
+    (run / "crossval.json").write_text("{broken", "utf-8")
+    damaged = ecat(*command, *trees)
+    assert (damaged.code, damaged.json["error"]["error"]) == (1, "CorruptError")
+
+
 @pytest.mark.parametrize(
     ("model", "option"),
     [("trees", "--epochs"), ("hmm", "--hidden"), ("mlp", "--layers"), ("neural", "--trees")],
@@ -273,12 +300,16 @@ def test_that_nothing_says_when_to_stop_is_told_and_how_it_would(tmp_path: Path,
     small = ("--model", "mlp", "--epochs", 1, "--hidden", 4)
     result = ecat("learn", "recognize", "train", source, "--run", tmp_path / "run", *small)
     assert result.code == 0, result.err
-    assert "nothing says when to stop: a share of 0.1 of 2 sessions a file" in result.out
+    assert "nothing says when to stop: of 4 sessions, 2 a file or fewer, a share of 0.1 is none" in result.out
     share = result.out.partition("--validation ")[2].split()[0]
     command = ("learn", "recognize", "train", source, "--run", tmp_path / "other", *small)
     again = ecat(*command, "--validation", share, "--json")
     assert (again.code, again.json["findings"]) == (0, [])
     assert len(again.json["validation"]) == 2
+    five = made.write(source / "more.txt", made.session("more1", made.scene(1), made.labels(1))).parent
+    enough = ecat("learn", "recognize", "train", five, "--run", tmp_path / "five", *small, "--json")
+    assert (enough.code, enough.json["findings"]) == (0, [])
+    assert len(enough.json["validation"]) == 1
 
 
 def test_without_pictures_nothing_that_was_computed_is_lost(

@@ -46,6 +46,11 @@ def test_what_is_recognised_is_proposed_shown_and_taken_out_again(
     one = found["proposed"][0]
     assert {"type", "text", "start_frame", "end_frame", "subject", "object", "confidence"} <= set(one)
     assert 0 < one["confidence"] <= 1
+    parts = [(each, part) for each in found["proposed"] for part in each["parts"]]
+    assert parts
+    for each, part in parts:
+        assert each["start_frame"] == part["start_frame"] < part["end_frame"] < each["end_frame"]
+        assert each["type"].startswith(f"{part['type']}_")
     listed = ecat("proposal", "list", session, "--json").json["proposals"]
     assert [row["what"] for row in listed] == [each["text"] for each in found["proposed"]]
     again = ecat("learn", "recognize", "predict", session, "--run", run)
@@ -79,7 +84,7 @@ def test_stretches_in_which_a_box_is_not_seen_are_left_out_and_that_is_said(
     draft = sessions.draft(markers_3d=hidden, markers_2d=hidden)
     session = sessions.make(tmp_path / "slide", draft).path
     found = ecat("learn", "recognize", "predict", session, "--run", run, "--json").json["sessions"][0]
-    assert f"{SHELL} is not seen for" in found["findings"][0]
+    assert f"{SHELL} (Shell) is not seen for" in found["findings"][0]
     assert not [one for one in found["proposed"] if one["start_frame"] < 110 and one["end_frame"] > 50]
 
 

@@ -1,62 +1,21 @@
-"""A session of many actions is recognised movement by movement, and windows become spans."""
+"""A session of many actions is cut into one recording of each movement."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ecat.errors import CorruptError, InputError
+from ecat.errors import InputError
 from ecat.geometry.transforms import Rigid
-from learn.features.recordings import Recording
-from learn.features.windows import Floats, Table, n_windows, windows_of
-from learn.recognize.episodes import Action, episodes, recognize
-from learn.recognize.model import Recognized
+from learn.features.windows import windows_of
+from learn.recognize.episodes import episodes
+from learn.recognize.predict import recognize
 from tests.learn.recognize import made
-
-VOCABULARY = np.array([[0, 0, 0, 0, 0], [1, 2, 0, 1, 0], [1, 2, 3, 1, 3]], np.int8)
-"""Nothing; the performer pushes box 1; to box 2."""
-
-
-@dataclass
-class Says:
-    """A recogniser that says what it is told, window by window, and remembers what it was shown."""
-
-    labels: Sequence[int]
-    seen: list[Floats] = field(default_factory=list[Floats])
-    tables: list[Table] = field(default_factory=list[Table])
-
-    def on_table(self, table: Table) -> Says:
-        self.tables.append(table)
-        return self
-
-    def recognize(self, sessions: Sequence[Floats]) -> Recognized:
-        self.seen += sessions
-        n = sum(n_windows(len(points)) for points in sessions)
-        probabilities = np.full((n, 3), 0.1)
-        probabilities[np.arange(n), (list(self.labels) * n)[:n]] = 0.8
-        return Recognized(VOCABULARY, probabilities, probabilities)
-
-
-def recording(points: Floats, fps: float | None = 30.0) -> Recording:
-    t_s = None if fps is None else np.arange(len(points)) / fps
-    return Recording("s", points, None, t_s, ("o1", "o2"))
-
-
-def long(*moves: tuple[int, int], n: int = 600) -> Floats:
-    """Box 1 goes 0.3 m to the right from each first frame to each last, and stands still otherwise."""
-    points = np.repeat(made.scene(1)[:1], n, axis=0)
-    x = np.zeros(n)
-    for start, end in moves:
-        x += 0.3 * np.clip((np.arange(n) - start) / (end - start), 0, 1)
-    points[:, 13:17, 0] += x[:, None]
-    return points
+from tests.learn.recognize.told import Says, long, recording
 
 
 def test_a_short_session_is_one_episode() -> None:
@@ -94,25 +53,6 @@ def test_movements_that_the_session_knows_are_taken_and_those_of_both_boxes_at_o
     found = episodes(replace(recording(long((300, 340))), moves=moves))
     assert [(one.frame[0], one.frame[-1]) for one in found] == [(90, 160), (140, 200), (390, 440)]
     assert episodes(replace(recording(long((300, 340))), moves=())) == []
-
-
-def test_spans_are_from_middle_to_middle_and_parts_without_an_action_are_left_out() -> None:
-    points = np.repeat(made.scene(1)[:1], 45, axis=0)  # windows of frames 0:20, 5:25, ... 25:45
-    found = recognize(recording(points), Says([0, 1, 1, 2, 2, 0]))
-    push = ("Performer", "Object_1", None, "push", None)
-    to = ("Performer", "Object_1", "Object_2", "push", "To")
-    assert found == [
-        Action(12, 22, push, pytest.approx(0.8)),  # pyright: ignore[reportArgumentType]
-        Action(22, 32, to, pytest.approx(0.8)),  # pyright: ignore[reportArgumentType]
-    ]
-
-
-@given(st.lists(st.integers(0, 2), min_size=1, max_size=12), st.integers(20, 140))
-def test_spans_are_in_order_within_the_session_and_apart(labels: list[int], n: int) -> None:
-    found = recognize(recording(np.repeat(made.scene(1)[:1], n, axis=0)), Says(labels))
-    assert all(0 <= one.start < one.end <= n for one in found)
-    assert all(a.end <= b.start for a, b in pairwise(found))
-    assert all(a.words != b.words or a.end < b.start for a, b in pairwise(found))
 
 
 @pytest.mark.parametrize(("fps", "n"), [(60.0, 200), (15.0, 50), (10.0, 40)])
@@ -264,33 +204,9 @@ def test_no_movement_is_left_out(n: int, data: st.DataObject) -> None:
     assert len(one.points) >= 20
 
 
-@pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_a_model_that_gives_no_probabilities_is_refused_by_name(wrong: float) -> None:
-    class Broken(Says):
-        def recognize(self, sessions: Sequence[Floats]) -> Recognized:
-            found = super().recognize(sessions)
-            found.context[2, 1] = wrong
-            return found
-
-    for run, said in ((Path("runs/first"), "model runs/first"), (None, "the model")):
-        with pytest.raises(CorruptError, match=said):
-            recognize(recording(made.scene(1)), Broken([1]), run=run)
-
-
 def test_of_a_box_that_was_never_seen_nothing_is_said() -> None:
     points, findings = long((100, 140)), list[str]()
     points[:, 17:] = np.nan
     points[:, :13] = np.nan
     assert episodes(recording(points), findings) == []
     assert "o2 is not seen for 20.0 s" in findings[0]
-
-
-@pytest.mark.parametrize(("moving", "said"), [(0, 1), (1, None)])
-def test_a_box_that_rests_by_its_poses_is_not_the_one_that_is_moved(moving: int, said: int | None) -> None:
-    """Says pushes box 1, which only one of the two labels it knows besides nothing contradicts."""
-    points = long((100, 130), n=200)
-    tracks = np.zeros((2, 200, 3))
-    tracks[moving, :, 0] = 0.3 * np.clip((np.arange(200) - 100) / 30, 0, 1)
-    known = replace(recording(points), tracks=tracks, moves=((100, 130),))
-    found = recognize(known, Says([1]))
-    assert [action.words[1] for action in found] == ([] if said is None else ["Object_1"])

@@ -15,13 +15,14 @@ from ecat.model.annotation import MACHINE, Argument, Decision
 from ecat.process import process_session
 from ecat.store import Session, open_session
 from learn.features.recordings import Recording, read_session
-from learn.recognize.episodes import Action
+from learn.recognize.predict import Action
 from learn.recognize.proposals import AUTHOR, Replaced, events_of, replace_proposals
 from tests.learn.features import sessions
 from tests.learn.features.sessions import SHELL, STELLA
 
 PUSH = Action(40, 60, ("Performer", "Object_1", None, "push", None), 0.7)
 PAST = Action(60, 90, ("Performer", "Object_1", "Object_2", "push", "Past"), 0.912)
+ARRIVES = replace(PAST, start=40, before=PUSH)
 ROLL = Action(100, 164, ("Object_2", None, "Object_1", "roll", "From"), 0.5)
 
 
@@ -61,6 +62,33 @@ def test_an_event_says_who_does_what_to_what_where_and_how_sure_that_is(session:
     assert segment.start_ns is not None
     assert segment.end_ns is not None
     assert segment.end_ns - segment.start_ns == pytest.approx(64e9 / 30, rel=0.02)
+
+
+def test_what_an_action_is_before_it_has_a_locative_is_a_part_of_its_proposal(session: Session) -> None:
+    assert counts(replace_proposals(session, AUTHOR, events(session, ROLL, ARRIVES))) == (2, 0, 0)
+    roll, past, push = mine(session)
+    assert (roll.tier, past.tier, push.tier) == ("event", "event", "sub-event")
+    assert (roll.parent, past.parent, push.parent) == (None, None, past.id)
+    assert len({roll.id, past.id, push.id}) == 3
+    assert (push.type, push.text) == ("push", "Performer 1 pushes Shell")
+    spans = [(one.segments[0].start_frame, one.segments[0].end_frame) for one in (past, push)]
+    assert spans == [(40, 90), (40, 60)]
+    listed = [row["what"] for row in proposals(open_session(session.path), "main")]
+    assert listed == [roll.text, past.text]
+    assert [finding for finding in check(session.path) if finding.severity != "note"] == []
+
+
+@pytest.mark.parametrize("decided", [0, 1])
+def test_a_proposal_and_its_part_are_replaced_or_stay_together(session: Session, decided: int) -> None:
+    replace_proposals(session, AUTHOR, events(session, ARRIVES))
+    assert counts(replace_proposals(session, AUTHOR, events(session, ARRIVES, ROLL))) == (2, 1, 0)
+    there = mine(session)
+    rejected = Decision(proposal=f"{MACHINE}/{there[decided].id}", verdict="rejected", author="ann")
+    with session.write() as commit:
+        commit.put_layer(replace(session.layer("main"), decisions=(rejected,)))
+    later = replace(ARRIVES, end=ARRIVES.end + 3, before=replace(PUSH, end=PUSH.end + 5))
+    assert counts(replace_proposals(session, AUTHOR, events(session, later))) == (0, 1, 1)
+    assert mine(session) == there[:2]
 
 
 def test_proposals_are_listed_for_people_and_the_session_stays_whole(session: Session) -> None:

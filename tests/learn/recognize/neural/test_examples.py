@@ -1,14 +1,20 @@
-"""Other scenes for training: they differ in what does not matter, and in nothing else."""
+"""Sessions that say when to stop; and other scenes for training, which differ in what does not matter alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
 
 from learn.features.raw import DEPTH, HEIGHT, MIRROR_CHANNELS, MIRROR_SIGNS, N_CHANNELS, PLANE, SHAPE
-from learn.recognize.neural.examples import Augment
+from learn.recognize.dataset import read_exports
+from learn.recognize.folds import Key
+from learn.recognize.neural.examples import Augment, held_out
+from learn.recognize.neural.training import Settings
+from tests.learn.recognize import made
 
 MANY = 400
 
@@ -40,6 +46,23 @@ def apart(windows: torch.Tensor) -> torch.Tensor:
     """Distances between all points of each frame."""
     places = windows[..., PLANE].unflatten(2, (-1, 2))
     return torch.cdist(places, places, compute_mode="donot_use_mm_for_euclid_dist")
+
+
+@pytest.mark.parametrize(("n", "held"), [(4, 0), (5, 1), (10, 1)])
+def test_where_a_share_of_no_file_is_a_session_one_of_all_is_held_out_that_the_seed_draws(
+    n: int, held: int, tmp_path: Path
+) -> None:
+    sessions = read_exports(made.exports(tmp_path))[:n]
+    apart = [replace(one, file=str(number)) for number, one in enumerate(sessions)]
+    drawn: list[list[Key]] = []
+    for seed in [*range(8), *range(8)]:
+        known, aside = held_out(apart, Settings("mlp", seed=seed, validation=0.1))
+        drawn.append([one.key for one in aside])
+        assert [one.key for one in apart if one.key not in drawn[-1]] == [one.key for one in known]
+    assert {len(keys) for keys in drawn} == {held}
+    assert drawn[:8] == drawn[8:]
+    assert len({str(keys) for keys in drawn}) > held
+    assert held_out(apart, Settings("mlp", validation=0))[1] == []
 
 
 def test_windows_are_left_as_they_were(windows: torch.Tensor) -> None:
