@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from learn.features.scene import Floats, Scene, Table, cross, norm, scene_of
+from learn.features.scene import Floats, Table, cross, norm, scene_of
 from learn.features.windows import HOP, LENGTH, Features, n_windows
 
 _STEADY = 5
@@ -22,12 +22,11 @@ def journey_features(points: Floats, table: Table) -> tuple[Features, Features]:
     line to where it ends, where it is relative to the other box, now, at its nearest, and at both ends.
     """
     scene = scene_of(points[None], table)
-    first, second = (_journey(scene, box) for box in (0, 1))
-    return first, second
-
-
-def _journey(scene: Scene, box: int) -> Features:
     boxes, hands = _steadied(scene.boxes[0]), _steadied(scene.hands[0])
+    return _journey(boxes, hands, 0), _journey(boxes, hands, 1)
+
+
+def _journey(boxes: Floats, hands: Floats, box: int) -> Features:
     place, other = boxes[:, box], boxes[:, 1 - box]
     n_frames, count = len(place), n_windows(len(place))
     step = norm(np.diff(place, axis=0, prepend=place[:1]))

@@ -8,7 +8,7 @@ image.  Within a window, corners are medians of three frames.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -50,6 +50,12 @@ class Scene:
         x, y, z = np.moveaxis(directions, -1, 0)
         steep = np.hypot(1.0, self.slope)
         return np.stack([x, (self.slope * y + z) / steep, (y - self.slope * z) / steep], axis=-1)
+
+    @property
+    def exchanged(self) -> Scene:
+        """The same with the boxes exchanged."""
+        of_boxes = ("corners", "rays", "shape", "height", "depth")
+        return replace(self, **{name: getattr(self, name)[:, :, ::-1] for name in of_boxes})
 
     @property
     def boxes(self) -> Floats:

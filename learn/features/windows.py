@@ -38,6 +38,7 @@ LENGTH, HOP = 20, 5
 
 _MIRROR = np.r_[0, 7:13, 1:7, 14, 13, 16, 15, 18, 17, 20, 19]
 _TIPS = [5, 11]
+_CHUNK = 512
 
 
 def mirror(points: Floats) -> Floats:
@@ -85,8 +86,18 @@ def window_features(windows: Floats, table: Table) -> Features:
 
     Points that are not known (NaN, or the export's -1) take the nearest known of their window, and 0 if there is none.
     """
-    chunks = [windows[start : start + 1024] for start in range(0, len(windows), 1024)] or [windows]
-    return np.concatenate([_features(scene_of(chunk, table)) for chunk in chunks])
+    return np.concatenate([_features(scene_of(chunk, table)) for chunk in chunks_of(windows)])
+
+
+def either_way(windows: Floats, table: Table) -> tuple[Features, Features]:
+    """What :func:`window_features` gives of windows (w, 20, 21, 3), and of the same with the boxes exchanged."""
+    scene = scene_of(windows, table)
+    return _features(scene), _features(scene.exchanged)
+
+
+def chunks_of(windows: Floats) -> list[Floats]:
+    """Windows in parts of which all that is computed stays in the cache; one part if there are none."""
+    return [windows[start : start + _CHUNK] for start in range(0, len(windows), _CHUNK)] or [windows]
 
 
 def session_features(features: Features, counts: Sequence[int]) -> Features:

@@ -14,7 +14,6 @@ import hashlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +23,15 @@ from numpy.typing import NDArray
 from ecat.errors import InputError
 from ecat.progress import Progress, beginning, silent
 from learn.features.journey import journey_features
-from learn.features.points import N_POINTS, SWAP_POINTS
+from learn.features.points import N_POINTS
 from learn.features.windows import (
     LENGTH,
     VERSION,
     Features,
     Floats,
     Table,
+    chunks_of,
+    either_way,
     fit_table,
     mirror,
     n_windows,
@@ -122,13 +123,12 @@ class Recognizer:
         actions = Actions.of(self.vocabulary)
         counts = [count for points in sessions if (count := n_windows(len(points)))]
 
-        def told(swap: bool) -> tuple[Told, Told]:  # noqa: FBT001
-            features = features_of([_seen(points, swap=swap) for points in sessions], self.table)
+        def told(features: Features) -> tuple[Told, Told]:
             whole = session_features(features, counts)
             return self.windows.tell(features, actions), self.whole.tell(whole, actions)
 
         with ThreadPoolExecutor(N_JOBS) as threads:
-            first, second = threads.map(told, (False, True))
+            first, second = threads.map(told, features_either_way(sessions, self.table))
         return Seen(*(actions.labels(*pair) for pair in zip(first, second, strict=True)))
 
     def on_table(self, table: Table) -> Recognizer:
@@ -156,6 +156,14 @@ class Recognizer:
 def features_of(sessions: Sequence[Floats], table: Table) -> Features:
     """Features of all windows of sessions, one after the other."""
     return window_features(np.concatenate([windows_of(points) for points in sessions]), table)
+
+
+def features_either_way(sessions: Sequence[Floats], table: Table) -> tuple[Features, Features]:
+    """Features of all windows of sessions, one after the other, and of the same with the boxes exchanged."""
+    windows = np.concatenate([windows_of(points) for points in sessions])
+    with ThreadPoolExecutor(N_JOBS) as threads:
+        parts = list(threads.map(lambda chunk: either_way(chunk, table), chunks_of(windows)))
+    return np.concatenate([first for first, _ in parts]), np.concatenate([second for _, second in parts])
 
 
 def fingerprint(points: Floats) -> str:
@@ -199,10 +207,10 @@ def train(
 
 def _views(sessions: Sequence[LabelledSession], table: Table, progress: Progress) -> Views:
     found: dict[tuple[bool, bool], Features] = {}
-    for swap, mirrored in product((False, True), repeat=2):
+    for mirrored in (False, True):
         progress("computing features", len(found), 4)
-        seen = [_seen(one.points, swap=swap, mirrored=mirrored) for one in sessions]
-        found[swap, mirrored] = features_of(seen, table)
+        seen = [mirror(one.points) if mirrored else one.points for one in sessions]
+        found[False, mirrored], found[True, mirrored] = features_either_way(seen, table)
     progress("computing features", 4, 4)
     return found
 
@@ -316,8 +324,3 @@ def _require_fit(recognizer: Recognizer) -> None:
     recognizer.whole.require_fit(actions, 2 * n_features)
     if (trees := recognizer.arrival) is not None and trees.shape.tolist() != [arrival_width(), 1]:
         raise ValueError("its arrival does not fit the features")
-
-
-def _seen(points: Floats, *, swap: bool, mirrored: bool = False) -> Floats:
-    points = points[:, SWAP_POINTS] if swap else points
-    return mirror(points) if mirrored else points

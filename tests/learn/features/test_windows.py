@@ -9,6 +9,8 @@ from ecat.errors import InputError
 from learn.features.points import SWAP_POINTS
 from learn.features.windows import (
     Table,
+    chunks_of,
+    either_way,
     fit_table,
     mirror,
     session_features,
@@ -64,6 +66,21 @@ def test_unknown_points_take_the_nearest_known() -> None:
 def test_a_mirror_twice_and_an_exchange_twice_change_nothing() -> None:
     np.testing.assert_array_equal(mirror(mirror(POINTS)), POINTS)
     np.testing.assert_array_equal(POINTS[:, SWAP_POINTS][:, SWAP_POINTS], POINTS)
+
+
+def test_features_of_both_ways_are_those_of_the_windows_and_of_exchanged_ones() -> None:
+    windows = windows_of(POINTS)
+    windows[1, 4:9, 13:17] = -1.0  # the first marker is lost
+    first, second = either_way(windows, TABLE)
+    np.testing.assert_array_equal(first, window_features(windows, TABLE))
+    np.testing.assert_array_equal(second, window_features(windows[:, :, SWAP_POINTS], TABLE))
+
+
+@pytest.mark.parametrize("n", [0, 1, 512, 513, 1025])
+def test_parts_of_windows_are_all_of_them_in_order(n: int) -> None:
+    parts = chunks_of(np.arange(n, dtype=np.float64))
+    assert len(parts) == max(1, -(-n // 512))
+    assert np.concatenate(parts).tolist() == list(range(n))
 
 
 def test_windows_are_independent_of_each_other() -> None:
