@@ -32,7 +32,7 @@ from ecat.geometry.detection import Detector, Evidence, Found, belonging, places
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 
-# candidates are roughly placed; the edges of one that is as near as this are within reach
+# what is found this near to where a face was followed to is no better place for it
 _SAME_PX = 2.0
 # how far from where it is expected a face is that keeps moving as it did; others are measured once more
 _STEADY_PX = 3.0
@@ -300,10 +300,13 @@ class Tracker:
         return found[fine]
 
     def _candidates(self, grey: Grey, parts: Sequence[Region], known: Floats) -> Floats:
-        """Rings in parts of the image that are not at known places: those would lead to the same edges."""
+        """Rings in parts of the image that are not within reach of known ones: those would lead to the same edges.
+
+        They are roughly placed, by several pixels where a large face moves.
+        """
         some = [self._detector.candidates(grey, r) for r in parts if r[0] < r[2] and r[1] < r[3]]
         rings = np.concatenate([_NO_RINGS, *some])
-        return rings[~same_place(rings, known, _SAME_PX)] if len(rings) else rings
+        return rings[~same_place(rings, known, self._parameters.reach_px)] if len(rings) else rings
 
     def _margin_px(self) -> float:
         """A face that appears may change the image only at one end: the rest of it has to be in view too."""

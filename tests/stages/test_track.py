@@ -148,6 +148,31 @@ def test_the_image_is_searched_in_full_only_now_and_then(monkeypatch: pytest.Mon
     assert regions == [(0, 0, 480, 360)] * 2  # nothing moves: nothing is searched in between
 
 
+def test_faces_that_were_followed_are_not_read_again_from_roughly_placed_candidates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(2)
+    detector = Detector(BOXES, CAMERA)
+    candidates, read = detector.candidates, detector.read
+    given: list[int] = []
+
+    def rough(grey: NDArray[np.uint8], region: tuple[int, int, int, int] | None = None) -> Floats:
+        rings = candidates(grey, region)
+        return rings + 3.0 if given else rings
+
+    def counted(grey: NDArray[np.uint8], rings: Floats) -> Found:
+        given.append(len(rings))
+        return read(grey, rings)
+
+    monkeypatch.setattr(detector, "candidates", rough)
+    monkeypatch.setattr(detector, "read", counted)
+    tracker = Tracker(detector, TrackParameters(prototypes=BOXES, every=1))
+    images = (image_of(rng, pose_at(0.0, 2.3)) for _ in range(4))
+    assert [len(found) for found in tracker.follow(images)] == [3] * 4
+    assert given[0] >= 3
+    assert given[1:] == [0] * 3
+
+
 def test_a_box_put_into_view_is_found_in_the_same_image() -> None:
     rng = np.random.default_rng(3)
     tracker = Tracker(Detector(BOXES, CAMERA), TrackParameters(prototypes=BOXES, every=1000))
