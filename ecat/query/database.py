@@ -2,7 +2,8 @@
 
 Every table of the sessions is a table here, with the rows of all of them and a column ``session`` in front; the table
 ``sessions`` says what the sessions are.  DuckDB reads of the files what a question needs, when it needs it.  A question
-can read nothing else, and write nothing: there is no way from SQL to the disk or to Python.
+can read nothing else, and write nothing: there is no way from SQL to the disk or to Python.  What is too much for the
+memory waits in a folder of its own, which goes with the database.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -117,7 +119,11 @@ def open_database(path: Path, *, progress: Progress = silent) -> Generator[Datab
     """
     duckdb = _duckdb()
     sessions, failures = _open(path, progress)
-    with duckdb.connect(":memory:") as connection:
+    with (
+        # by default it is .tmp of the working folder, and the only place that SQL may write to
+        TemporaryDirectory(prefix="ecat-", ignore_cleanup_errors=True) as scratch,
+        duckdb.connect(":memory:", config={"temp_directory": scratch}) as connection,
+    ):
         connection.register(SESSIONS.name, _sessions(sessions))
         for name, data in _tables(sessions).items():
             connection.register(name, data)

@@ -109,6 +109,23 @@ def test_a_question_reaches_nothing_but_the_sessions(project: Path, tmp_path: Pa
     del secret
 
 
+def test_what_is_too_much_for_the_memory_leaves_no_trace(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """DuckDB puts it by in .tmp of the working folder if nobody says otherwise, and lets SQL write there."""
+    (tmp_path / ".tmp").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match="cannot answer this question"):
+        rows(project, "copy (select 1) to '.tmp/out.csv'")
+    with open_database(project) as database:
+        asked = "select value from duckdb_settings() where name = 'temp_directory'"
+        [place] = (Path(str(row["value"])) for row in database.ask(asked).rows())
+        database.ask(f"copy (select 1) to '{place}/out.csv'")
+        assert place.is_dir()
+    assert not place.exists()
+    assert [path.name for path in tmp_path.rglob("*")] == [".tmp"]
+
+
 def test_a_mistake_is_explained_and_the_tables_are_named(project: Path) -> None:
     with pytest.raises(UsageError) as caught:
         rows(project, "select typo from poses")

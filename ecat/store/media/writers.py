@@ -75,6 +75,7 @@ class _Writer(AbstractContextManager[Any]):
         self._what = f"cannot write {path.name}"
         self._shape = (height_px, width_px)
         self._last_ticks = -1
+        self._failed = False
         if not 0 < width_px < 1 << 15 or not 0 < height_px < 1 << 15:
             raise UsageError(
                 self._what, where=f"images of {width_px} x {height_px} pixels", fix="reduce them"
@@ -107,7 +108,8 @@ class _Writer(AbstractContextManager[Any]):
         """
         stack, self._stack = self._stack, ExitStack()
         with self._errors(), stack:
-            if self.n_images:
+            # FFmpeg does not survive images for a file whose head could not be written
+            if self.n_images and not self._failed:
                 self._append(None)
 
     def _errors(self) -> AbstractContextManager[None]:
@@ -134,8 +136,10 @@ class _Writer(AbstractContextManager[Any]):
         frame.pict_type = (
             PictureType.NONE
         )  # a decoded image still says what it was, and would become that again
+        self._failed = True
         with self._errors():
             self._append(frame)
+        self._failed = False
         self.n_images += 1
 
     def _append(self, frame: VideoFrame | None) -> None:
