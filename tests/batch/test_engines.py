@@ -15,6 +15,7 @@ import pytest
 from ecat.batch import engines
 from ecat.batch.engines import Engine, Workers, usual_jobs
 from ecat.errors import MissingExtraError, UsageError
+from tests.store.sessions import make
 
 ENGINES: list[Engine] = ["processes", "ray"]
 
@@ -107,6 +108,42 @@ def test_whoever_has_enough_ends_the_processes() -> None:
         assert [next(work), next(work)] == [0, 1]
         work.close()
     assert multiprocessing.active_children() == []
+
+
+WITHOUT_GUARD = """\
+import sys
+from ecat.batch import export_sessions, process_sessions
+from ecat.errors import UsageError
+from ecat.store import find_sessions
+
+try:
+    {call}
+except UsageError as error:
+    print(error.what, error.fix, sep="; ")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "call",
+    [
+        'export_sessions(sys.argv[1], sys.argv[2], format="csv", jobs=2)',
+        "process_sessions(find_sessions(sys.argv[1]), jobs=2)",
+    ],
+    ids=["export", "process"],
+)
+def test_a_script_that_its_processes_would_run_again_is_told_how_to_mend_it(
+    tmp_path: Path, call: str
+) -> None:
+    """The processes import the script's file; nothing of it is done by them, nor done again for ever."""
+    for number in range(2):
+        make(tmp_path / "project" / f"s{number}", number)
+    (tmp_path / "script.py").write_text(WITHOUT_GUARD.format(call=call))
+    command = [sys.executable, "script.py", "project", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    fix = 'in a script, call ecat below `if __name__ == "__main__":`, or with jobs=1'
+    assert (done.stdout, done.stderr) == (f"cannot do several sessions at once; {fix}\n", "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["project", "script.py"]
 
 
 def environment(name: str) -> str | None:

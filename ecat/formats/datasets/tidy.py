@@ -13,8 +13,7 @@ What it cannot carry: images, which stay in the sessions (``torch``, ``webdatase
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -39,8 +38,8 @@ from ecat.tables import TABLES
 MOMENTS, WINDOWS = "moments.parquet", "windows.parquet"
 _SESSION = pa.field("session", pa.string(), metadata={"meaning": "the session's folder"})
 _FRAMES_AT_ONCE = 1 << 15
-_ROWS_OF_GROUP = 1 << 16
-_BATCHES_AT_ONCE = 256
+_GATHERED_BYTES = 1 << 25
+_BATCHES_AT_ONCE = 64
 _MOMENT = [
     _SESSION,
     pa.field("episode", pa.int64(), metadata={"meaning": "position of the episode in its session"}),
@@ -211,85 +210,106 @@ def _windows(episode: Episode, options: TidyOptions) -> pa.Table:
 def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Progress) -> tuple[str, ...]:
     """Join the streams of all sessions, a row group of many at a time; moments by the names of their columns.
 
-    Every part is read as soon as it is there.  Moments are read once more when all are, if columns have come after the
-    first row group was written.
+    Every part is read as soon as it is there.  What is gathered of all files together is bounded: a limit for each
+    would let the memory grow until the one with the fewest rows of a session has reached it.  Moments are read once
+    more when all are, if columns have come after the first row group was written.
     """
     files.make_folders(dest / "tables")
     schemas = {f"tables/{name}.parquet": plain_schema(name) for name in TABLES} | {WINDOWS: _WINDOW}
     outs: dict[str, _Joined] = {}
-    with ExitStack() as stack, ThreadPoolExecutor() as others:
+    with ExitStack() as stack:
         for part in parts:
             with StreamsReader(part.path) as streams:
                 for name in streams.names:
                     schema = streams.schema(name) if name == MOMENTS else schemas[name]
                     if name not in outs:
                         outs[name] = stack.enter_context(_Joined(dest / name, schema))
-                    outs[name].extend(streams.batches(name), schema)
+                    for rows in streams.batches(name):
+                        outs[name].extend(rows, schema)
+                        _write_the_largest(outs)
         if MOMENTS in outs and outs[MOMENTS].outgrown:
             outs[MOMENTS].finish()
             outs[MOMENTS] = stack.enter_context(_Joined(dest / MOMENTS, outs[MOMENTS].schema))
-            _read_again(parts, outs[MOMENTS], progress)
-        for end in [others.submit(out.finish) for out in outs.values()]:
-            end.result()
+            _read_again(parts, outs, progress)
+        for out in outs.values():
+            out.finish()
     rows = {name: outs[name].rows for name in (MOMENTS, WINDOWS, *schemas) if name in outs}
     text = card(rows, len(parts), clock_method(options), asdict(options))
     write_new_file(dest / CARD, [text.encode()])
     return ()
 
 
-def _read_again(parts: Sequence[Part], moments: _Joined, progress: Progress) -> None:
+def _read_again(parts: Sequence[Part], outs: Mapping[str, _Joined], progress: Progress) -> None:
+    """Gather the moments of all parts once more, now that their columns are known."""
+    moments = outs[MOMENTS]
     for done, part in enumerate(parts):
         progress("joining", done, len(parts))
         with StreamsReader(part.path) as streams:
-            if MOMENTS in streams.names:
-                moments.extend(streams.batches(MOMENTS), moments.schema)
+            for rows in streams.batches(MOMENTS) if MOMENTS in streams.names else ():
+                moments.extend(rows, moments.schema)
+                _write_the_largest(outs)
+
+
+def _write_the_largest(outs: Mapping[str, _Joined]) -> None:
+    """If all that is gathered is too much, write that of the file of which it is the most: a row group."""
+    if sum(out.gathered_bytes for out in outs.values()) >= _GATHERED_BYTES:
+        max(outs.values(), key=lambda out: out.gathered_bytes).write()
 
 
 class _Joined(AbstractContextManager["_Joined"]):
     """A Parquet file with row groups of many small batches, and the columns of any of those in the first row group."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self.schema, self.rows = schema, 0
+        self.schema, self.rows, self.gathered_bytes = schema, 0, 0
         self.outgrown = False
         """Columns have come later: the file is worth nothing, but ``schema`` has all that there are."""
         self._path = path
         self._out: pq.ParquetWriter | None = None
         self._gathered: list[pa.RecordBatch] = []
-        self._waiting = 0
+        self._combined = 0
 
-    def extend(self, batches: Iterable[pa.RecordBatch], schema: pa.Schema) -> None:
-        """Write these rows, which have the columns ``schema``, behind the others."""
+    def extend(self, rows: pa.RecordBatch, schema: pa.Schema) -> None:
+        """Put these rows, which have the columns ``schema``, behind the others."""
         if schema is not self.schema and (new := [f for f in schema if f.name not in self.schema.names]):
-            self.schema = pa.schema([*self.schema, *new])
-            self.outgrown |= self._out is not None
+            self._widen(new)
         if self.outgrown:
             return
-        for rows in batches:
-            self._gathered.append(rows)
-            self._waiting += rows.num_rows
-            if self._waiting >= _ROWS_OF_GROUP:
-                self._write()
-            elif len(self._gathered) >= _BATCHES_AT_ONCE:
-                # a batch of a few rows takes kilobytes
-                self._gathered = self._all().combine_chunks().to_batches()
+        # nulls take room as well
+        self._gathered.append(_with_columns(rows, self.schema))
+        self.rows += rows.num_rows
+        self.gathered_bytes += self._gathered[-1].nbytes
+        if len(self._gathered) - self._combined >= _BATCHES_AT_ONCE:
+            # a batch of a few rows takes kilobytes
+            self._gathered[self._combined :] = self._since(self._combined).combine_chunks().to_batches()
+            self._combined = len(self._gathered)
 
-    def finish(self) -> None:
-        """Write what is left."""
-        self._write()
-        self._close()
-
-    def _all(self) -> pa.Table:
-        gathered = [_with_columns(rows, self.schema) for rows in self._gathered]
-        return pa.Table.from_batches(gathered, self.schema)
-
-    def _write(self) -> None:
+    def write(self) -> None:
+        """Write what is gathered."""
         if self._out is None:
             self._out = pq.ParquetWriter(self._path, self.schema, compression="zstd")
         if self._gathered:
-            self._out.write_table(self._all())
-        self.rows += self._waiting
+            self._out.write_table(self._since(0))
+        self._forget()
+
+    def finish(self) -> None:
+        """Write what is left."""
+        self.write()
+        self._close()
+
+    def _widen(self, columns: Sequence[Any]) -> None:
+        self.schema = pa.schema([*self.schema, *columns])
+        if self._out is not None:
+            self.outgrown = True
+            self._forget()
+        self._gathered = [_with_columns(rows, self.schema) for rows in self._gathered]
+        self.gathered_bytes = sum(rows.nbytes for rows in self._gathered)
+
+    def _since(self, first: int) -> pa.Table:
+        return pa.Table.from_batches(self._gathered[first:], self.schema)
+
+    def _forget(self) -> None:
         self._gathered.clear()
-        self._waiting = 0
+        self._combined = self.gathered_bytes = 0
 
     def _close(self) -> None:
         if self._out is not None:
@@ -317,5 +337,5 @@ FORMAT = Format(
     part=write_part,
     merge=merge,
     options=TidyOptions,
-    version="3",
+    version="4",
 )

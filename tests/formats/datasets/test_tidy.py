@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -38,20 +39,47 @@ def test_a_row_is_a_moment_with_columns_by_name(make: Make) -> None:
     assert (first["label"], first["task"], first["event"]) == ("slide", "slide 0", "e0")
 
 
-@pytest.mark.parametrize("group", [1, 20, 35])
+@pytest.mark.parametrize(
+    ("second", "n_gathered", "groups"), [(True, 1, 3), (True, 20, 2), (True, 35, 2), (False, 20, 2)]
+)
 def test_columns_that_come_after_the_first_row_group_are_those_of_all(
-    make: Make, monkeypatch: pytest.MonkeyPatch, group: int
+    make: Make, monkeypatch: pytest.MonkeyPatch, second: bool, n_gathered: int, groups: int
 ) -> None:
-    """The rows are the same as with one row group; sessions of 30, 10 and 30 moments, the second with a second box."""
+    """The rows are the same as with one row group; sessions of 30, 10 and 30 moments, the second with a second box,
+    or the last, which finds rows gathered behind the first row group.
+    """
+    both = ("red", "green")
     make("a", GRASP)
-    make("b", Span(0, 10, "push"), number=2, boxes=("red", "green"))
-    project = make("c", GRASP, number=3).parent
-    expected = pq.read_table(exported(project) / "moments.parquet")
+    make("b", Span(0, 10, "push"), number=2, boxes=both if second else ("red",))
+    project = make("c", GRASP, number=3, boxes=("red",) if second else both).parent
+    expected = pq.read_table(exported(project, tables="no") / "moments.parquet")
     shutil.rmtree(project.with_name("dataset"))
-    monkeypatch.setattr(tidy, "_ROWS_OF_GROUP", group)
-    path = exported(project) / "moments.parquet"
+    one_box = expected.select([name for name in expected.schema.names if ".green." not in name])
+    monkeypatch.setattr(tidy, "_GATHERED_BYTES", one_box.nbytes * n_gathered // len(one_box))
+    path = exported(project, tables="no") / "moments.parquet"
     assert pq.read_table(path).equals(expected, check_metadata=True)
-    assert pq.read_metadata(path).num_row_groups == {1: 3, 20: 2, 35: 2}[group]
+    assert pq.read_metadata(path).num_row_groups == groups
+
+
+def test_what_waits_to_be_written_is_bounded_in_all_files_together(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of files with few rows, which a bound for each file would not be reached by for long."""
+    sessions = [make(f"s{number}", GRASP, number=number + 1) for number in range(9)]
+    limit, most = 20_000, 0
+    write_the_largest = tidy._write_the_largest  # pyright: ignore[reportPrivateUsage]
+
+    def observed(outs: Any) -> None:
+        nonlocal most
+        write_the_largest(outs)
+        most = max(most, sum(out.gathered_bytes for out in outs.values()))
+
+    monkeypatch.setattr(tidy, "_write_the_largest", observed)
+    monkeypatch.setattr(tidy, "_GATHERED_BYTES", limit)
+    folder = exported(sessions[0].parent)
+    assert 0 < most < limit
+    sizes = {path.stem: pq.read_metadata(path) for path in folder.rglob("*.parquet")}
+    assert sizes["poses"].num_row_groups > sizes["events"].num_row_groups
 
 
 def test_windows_say_which_moments_they_are(make: Make) -> None:
