@@ -6,9 +6,11 @@ import json
 import sys
 import time
 import traceback
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+
+import click
 
 from ecat.errors import EcatError, one_line
 from ecat.progress import Progress, silent
@@ -39,6 +41,12 @@ class Output:
             print_json({"ok": ok, **data})
         elif text:
             self.say(text)
+
+    def failures(self, errors: Iterable[EcatError]) -> None:
+        """Print what failed of much that did not, where nothing else is printed but errors."""
+        if self.quiet and not self.as_json:
+            for error in errors:
+                click.echo(f"ecat: {printable(str(error))}", err=True)
 
     @contextmanager
     def progress(self) -> Generator[Progress]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ecat.cli.output import Output, printable
+from ecat.cli.output import Output
 from ecat.cli.spread import spread_options
 from ecat.cli.text import count
 from ecat.cli.verb import verb
@@ -135,9 +135,7 @@ def _report(out: Output, outcomes: list[Outcome], failed: list[tuple[Path, EcatE
     if failed:
         lines.append(f"{count(len(reports), 'session')} processed, {len(failed):,} failed")
     out.result(data, "\n".join(lines), ok=not failed)
-    if out.quiet and not out.as_json:
-        for _, error in failed:
-            click.echo(f"ecat: {printable(str(error))}", err=True)
+    out.failures(error for _, error in failed)
 
 
 def _lines(session: dict[str, Any]) -> list[str]:

@@ -77,3 +77,4 @@ def tell(out: Output, done: str, report: ImportReport | ExportReport) -> None:
     if failures:
         lines.append(f"{count(report.sessions, 'session')} {done}, {len(failures):,} failed")
     out.result(data, "\n".join(lines), ok=not failures)
+    out.failures(error for _, error in failures)

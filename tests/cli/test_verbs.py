@@ -239,6 +239,21 @@ def test_process_goes_on_after_a_session_that_fails_and_a_path_that_is_wrong(
     assert result.out.endswith("1 session processed, 2 failed\n")
 
 
+def test_what_failed_is_also_said_in_quiet(
+    ecat: Ecat, session: Path, stages: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    project = tmp_path / "project"
+    for name in ("bad", "good"):
+        shutil.copytree(session, project / name)
+    (project / "bad" / "session.json").write_text("{", "utf-8")
+    for words in (("process", project), ("export", project, tmp_path / "data", "--format", "parquet")):
+        result = ecat(*words, "--quiet")
+        assert (result.code, result.out) == (1, "")
+        assert result.err.startswith("ecat: cannot ")
+        assert "bad" in result.err
+    del stages
+
+
 def test_process_as_json_has_a_list_of_sessions_and_one_of_failures(
     ecat: Ecat, session: Path, stages: list[dict[str, Any]]
 ) -> None:
