@@ -32,6 +32,7 @@ IMAGE = "/world/camera/color"
 """What is in pixels of the colour image hangs below its camera: so Rerun can project boxes into the image."""
 
 # Amber and grey are missing on purpose: they say `lifted` and `not observed` wherever something is drawn.
+# Any two stay apart when they are made paler, and all are bright enough for words on the dark background.
 PALETTE: tuple[Rgb, ...] = (
     (77, 171, 247),
     (247, 120, 186),
@@ -40,7 +41,15 @@ PALETTE: tuple[Rgb, ...] = (
     (255, 107, 107),
     (56, 217, 200),
     (210, 230, 90),
-    (140, 170, 255),
+    (180, 15, 255),
+    (0, 135, 105),
+    (0, 105, 255),
+    (255, 210, 240),
+    (180, 90, 0),
+    (225, 0, 135),
+    (105, 165, 0),
+    (150, 90, 180),
+    (255, 60, 255),
 )
 MAX_FRAMES = 1_000_000
 """The longest recording that is shown, nine hours at 30 frames per second; a viewer holds all of it in memory."""

@@ -64,6 +64,20 @@ def test_proposals_are_gone_through_with_one_key_each(served: Any, proposing: An
     assert {e.status for e in machine.events} == {"proposed"}
 
 
+def test_a_proposed_part_is_accepted_with_its_whole_or_not_at_all(served: Any, proposing: Any) -> None:
+    proposing.find("proposal-a2").focus()
+    proposing.find("timeline-reject").wait_for()
+    assert not proposing.find("timeline-accept").is_visible()
+    assert proposing.find("accept").count() == 0
+    assert proposing.find("proposal-end").is_disabled()
+    proposing.press("Enter")
+    proposing.find("toasts").get_by_text("part of slide_next (a1)").wait_for()
+    assert served.layer().decisions == ()
+    proposing.find("select-whole").click()
+    assert proposing.says("app.primary.id") == "a1"
+    proposing.find("accept").wait_for()
+
+
 def test_a_proposal_is_adjusted_before_it_is_accepted(served: Any, proposing: Any) -> None:
     proposing.find("tab-machine").click()
     proposing.find("row-a3").click()
@@ -132,6 +146,14 @@ def test_the_surest_proposals_are_gone_through_first_if_somebody_wants_that(
     assert recognised.says("app.primary.id") == "a97"
     recognised.press("Enter")
     assert [e.text for e in served.layer().events] == ["Ann pushes box 97"]
+
+
+def test_after_a_part_was_rejected_its_whole_is_decided_about(served: Any, recognised: Any) -> None:
+    recognised.page.evaluate("window.ecat.select([{ kind: 'event', id: 'a2', layer: 'machine' }])")
+    recognised.press("x")
+    assert recognised.says("app.primary.id") == "a1"
+    recognised.press("Enter")
+    assert [e.type for e in served.layer().events] == ["slide_next"]
 
 
 def test_no_tab_is_cut_by_the_number_of_proposals_and_all_numbers_are_one(recognised: Any) -> None:

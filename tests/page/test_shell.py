@@ -102,6 +102,8 @@ def test_an_operation_that_is_refused_says_why_and_changes_nothing(served: Any, 
     annotating.find("segment-0-end").fill("0")
     annotating.find("segment-0-end").press("Enter")
     annotating.find("toasts").get_by_text("cannot").first.wait_for()
+    said = annotating.find("toasts").inner_text().split("\n")
+    assert "nothing was changed" in said, "what became of it stands on a line of its own"
     assert served.layer().events[0].segments[0].end_frame > 0
 
 

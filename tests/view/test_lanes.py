@@ -168,6 +168,27 @@ def test_what_a_stage_proposes_lies_apart_and_is_paler() -> None:
     assert at(chunks, proposed, "colors")[None] == [rgba(pale(PALETTE[0]))]
 
 
+@pytest.mark.parametrize("status", ["confirmed", "proposed"])
+def test_as_many_types_as_there_are_of_movements_have_colours_of_their_own(status: str) -> None:
+    n = 16
+    rows = table(
+        "events",
+        layer=["main"] * n,
+        event_id=[f"e{i}" for i in range(n)],
+        type=[f"type {i}" for i in range(n)],
+        text=[""] * n,
+        tier=["action"] * n,
+        status=[status] * n,
+        unsure=[False] * n,
+        start_frame=list(range(n)),
+        end_frame=list(range(1, n + 1)),
+    )
+    tables = {"events": rows, "event_segments": table("event_segments"), "event_links": table("event_links")}
+    top = "/proposed/events" if status == "proposed" else "/events"
+    colors = at(list(events(tables, scene())), f"{top}/action/0", "colors")[None]
+    assert len(set(colors)) == n
+
+
 def recognised() -> dict[str, pa.Table]:
     """What two programs propose at once, in sentences that begin alike."""
     rows = table(

@@ -5,7 +5,7 @@ import { type Document, span } from "./document";
 import type { Wish } from "./edits";
 import { type Context, enclosing, guessRoles, type Labelled, naming, press, pressAll, rolesField } from "./labelling";
 import { goTo } from "./navigate";
-import { inOrder, type Proposal } from "./proposals";
+import { neighbour, openWhole } from "./proposals";
 import { type App, MACHINE, type Selected } from "./state";
 import type { AnnotatedObject, EcatEvent, EventType, Operation, RecordJson } from "./types";
 
@@ -317,10 +317,16 @@ export async function confirmSelected(app: App): Promise<void> {
 }
 
 export async function acceptSelected(app: App, adjusted: { start_frame?: number; end_frame?: number; type?: string } = {}): Promise<void> {
-  const chosen = openSelected(app);
-  if (chosen.length === 0) return;
-  const last = chosen.at(-1) as Selected;
-  const next = neighbourProposal(app, last);
+  const open = openSelected(app);
+  const chosen = open.filter((s) => openWhole(app, s.id) === null);
+  const part = open.find((s) => !chosen.includes(s));
+  const whole = part === undefined ? null : openWhole(app, part.id);
+  if (whole !== null && !open.some((s) => s.id === whole.id)) {
+    app.notify(`This is a part of ${whole.type || "the event"} (${whole.id}), and comes with it when that is accepted.`);
+  }
+  const last = chosen.at(-1);
+  if (last === undefined) return;
+  const next = neighbour(app, last);
   const record = await attempt(app, chosen.map((s) => ({ op: "accept_proposal", proposal: `${MACHINE}/${s.id}`, ...(chosen.length === 1 ? adjusted : {}) })));
   if (record !== null) goTo(app, next);
 }
@@ -328,7 +334,7 @@ export async function acceptSelected(app: App, adjusted: { start_frame?: number;
 export async function rejectSelected(app: App): Promise<void> {
   const chosen = openSelected(app);
   if (chosen.length === 0) return;
-  const next = neighbourProposal(app, chosen.at(-1) as Selected);
+  const next = neighbour(app, chosen.at(-1) as Selected);
   const record = await attempt(app, chosen.map((s) => ({ op: "reject_proposal", proposal: `${MACHINE}/${s.id}` })));
   if (record !== null) goTo(app, next);
 }
@@ -337,15 +343,6 @@ function openSelected(app: App): Selected[] {
   const chosen = app.selection.filter((s) => s.layer === MACHINE && s.kind !== "object" && app.decided(s.id) === null);
   if (chosen.length === 0) app.notify("Select an open proposal: one that is drawn hollow.");
   return chosen;
-}
-
-/** The next open proposal of the same kind in the order of the list, so that going through them takes one key each. */
-function neighbourProposal(app: App, from: Selected): Selected | null {
-  const open = app.openProposals();
-  const ordered = inOrder<Proposal>(from.kind === "event" ? open.events : open.relations, app.settings.order);
-  const at = ordered.findIndex((e) => e.id === from.id);
-  const next = ordered[at + 1] ?? ordered[at - 1];
-  return next === undefined ? null : { kind: from.kind, id: next.id, layer: MACHINE };
 }
 
 export function undo(app: App): void {

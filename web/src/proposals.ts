@@ -1,7 +1,7 @@
 // What the machine proposes, as it is listed: who proposed it, how sure it was, and in which order one goes through it.
 
 import { span } from "./document";
-import type { App } from "./state";
+import type { App, Selected } from "./state";
 import type { EcatEvent, Relation } from "./types";
 
 export type Proposal = EcatEvent | Relation;
@@ -21,6 +21,25 @@ export function confidence(proposal: Proposal): number | null {
 export function origin(proposal: Proposal): string {
   const sure = confidence(proposal);
   return [sure === null ? "" : `confidence ${sure.toFixed(2)}`, proposal.author].filter(Boolean).join(" · ");
+}
+
+/** The proposed event that this one is a part of, and comes with once that is accepted; null where it is accepted on its own. */
+export function openWhole(app: Pick<App, "machine" | "decided">, id: string): EcatEvent | null {
+  const parent = app.machine?.event(id)?.parent ?? null;
+  return parent === null || app.decided(parent) === "accepted" ? null : (app.machine?.event(parent) ?? null);
+}
+
+/** What one goes to from a decision about `from`: what that is a part of, or else the next in order, or the last before. */
+export function neighbour(app: Pick<App, "machine" | "decided" | "openProposals" | "settings">, from: Selected): Selected | null {
+  const whole = openWhole(app, from.id);
+  if (whole !== null) return { kind: "event", id: whole.id, layer: from.layer };
+  const open = app.openProposals();
+  const listed: readonly Proposal[] = from.kind === "event" ? open.events : open.relations;
+  const own = listed.some((e) => e.id === from.id) ? undefined : app.machine?.event(from.id);
+  const ordered = inOrder(own === undefined ? listed : [...listed, own], app.settings.order);
+  const at = ordered.findIndex((e) => e.id === from.id);
+  const next = ordered[at + 1] ?? ordered[at - 1];
+  return next === undefined ? null : { kind: from.kind, id: next.id, layer: from.layer };
 }
 
 /** In the order that the person chose; equally sure ones in time, those without a confidence last. */

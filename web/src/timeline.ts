@@ -6,7 +6,7 @@ import { ask } from "./dialogs";
 import { h } from "./dom";
 import { glyph } from "./player/glyphs";
 import { follow, followOrCancel } from "./pointer";
-import { origin } from "./proposals";
+import { openWhole, origin } from "./proposals";
 import { type App, MACHINE, type Selected } from "./state";
 import { onTheme, palette } from "./theme";
 import { beginDraft, type Drag, drop, pickUp, pull, shownFrame } from "./timeline/drag";
@@ -39,6 +39,7 @@ class Timeline {
   private readonly spacer = h("div.tl-spacer");
   private readonly view = h("div.tl-view");
   private readonly scroller = h("div.tl-scroll", { tabindex: -1 });
+  private readonly accept: HTMLElement;
   private readonly verdict: HTMLElement;
   private readonly empty = h("p.tl-empty", { hidden: true }, "No events yet. Press E for a new event at the cursor, or drag in the lane.");
   private readonly root: HTMLElement;
@@ -68,8 +69,8 @@ class Timeline {
     });
     this.mirror = new Mirror(app, this.rows, this.shared.axis, (layer, bar) => this.choose(layer, bar, false));
     this.overview = new Overview(app, this.shared, this.rows);
-    this.verdict = h("div.tl-verdict", { hidden: true, role: "group", "aria-label": "Proposal" },
-      this.verdictButton("check", "Accept (Enter)", "timeline-accept", () => void acceptSelected(app)),
+    this.accept = this.verdictButton("check", "Accept (Enter)", "timeline-accept", () => void acceptSelected(app));
+    this.verdict = h("div.tl-verdict", { hidden: true, role: "group", "aria-label": "Proposal" }, this.accept,
       this.verdictButton("cross", "Reject (X)", "timeline-reject", () => void rejectSelected(app)));
     this.view.append(this.lanes, this.mirror.element, this.verdict, this.gutter.element, this.empty);
     this.scroller.append(this.view, this.spacer);
@@ -258,6 +259,7 @@ class Timeline {
     const { axis } = this.shared;
     this.verdict.hidden = place === null || axis.x(place.bar.end) < 0 || axis.x(place.bar.start) > axis.width;
     if (place === null) return;
+    this.accept.hidden = openWhole(this.app, place.bar.id) !== null;
     const x = Math.max(0, Math.min(axis.width - 48, axis.x(place.bar.end) + 2));
     this.verdict.style.transform = `translate(${x}px, ${this.rows.tops[place.row]! - top + 1}px)`;
   }
@@ -289,9 +291,9 @@ class Timeline {
       this.app.selection.some((s) => s.id === bar.id && s.kind === bar.what && s.layer === (row as BarRow).layer));
   }
 
-  /** Whether an edit of this lane is allowed: the person's own layer, or a proposal that is accepted by it. */
-  private changeable(row: BarRow): boolean {
-    return row.layer === this.app.activeLayer || row.layer === MACHINE;
+  /** Whether an edit of this bar is allowed: the person's own layer, or a proposal that is accepted by it. */
+  private changeable(row: BarRow, bar: Bar): boolean {
+    return row.layer === this.app.activeLayer || (row.layer === MACHINE && openWhole(this.app, bar.id) === null);
   }
 
   private onHover(event: PointerEvent): void {
@@ -300,7 +302,7 @@ class Timeline {
     const cursor =
       hit === null ? ""
       : hit.key !== null ? "pointer"
-      : hit.row.kind === "bars" && hit.bar && this.changeable(hit.row) && this.edgeOpen(hit) ? (hit.zone === "body" ? "grab" : "ew-resize")
+      : hit.row.kind === "bars" && hit.bar && this.changeable(hit.row, hit.bar) && this.edgeOpen(hit) ? (hit.zone === "body" ? "grab" : "ew-resize")
       : hit.row.kind === "bars" && hit.row.editable && !hit.bar ? "crosshair"
       : "";
     if (this.view.style.cursor !== cursor) this.view.style.cursor = cursor;
@@ -333,7 +335,7 @@ class Timeline {
     event.preventDefault();
     if (hit.bar !== null) {
       this.choose(hit.row.layer, hit.bar, event.shiftKey);
-      if (event.shiftKey || !this.changeable(hit.row) || !this.edgeOpen(hit)) return;
+      if (event.shiftKey || !this.changeable(hit.row, hit.bar) || !this.edgeOpen(hit)) return;
       this.hold(event, pickUp(this.app, axis, this.visibleBars(), hit.row, hit.bar, hit.zone, frame));
     } else if (hit.row.editable) this.hold(event, beginDraft(this.app, axis, this.visibleBars(), hit.row, frame));
     else this.app.seek(Math.floor(frame));

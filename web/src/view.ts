@@ -45,7 +45,7 @@ export abstract class View extends Emitter {
   fail(error: unknown): void {
     if (error instanceof ApiError) {
       const { where, consequence, fix } = error.error;
-      this.say({ kind: "error", text: error.error.what, detail: [where, consequence, fix].filter(Boolean).join(" ") });
+      this.say({ kind: "error", text: error.error.what, detail: [where, consequence, fix].filter(Boolean).join("\n") });
     } else if (error instanceof Error) this.say({ kind: "error", text: error.message });
   }
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Document, relationFromJson, schemeFromJson } from "../src/document";
-import { confidence, inOrder, origin, tally } from "../src/proposals";
+import { confidence, inOrder, neighbour, openWhole, origin, tally } from "../src/proposals";
 import { LaneCache, lanes, ROW_PX } from "../src/timeline/lanes";
 
 type Json = Record<string, unknown>;
@@ -46,6 +46,29 @@ describe("proposals", () => {
     expect(tally({ events: some, relations: [] })).toBe("5 events");
     expect(tally({ events: some.slice(0, 1), relations: [relationFromJson({ id: "r1" }), relationFromJson({ id: "r2" })] })).toBe("1 event and 2 relations");
     expect(tally({ events: [], relations: [] })).toBe("");
+  });
+});
+
+describe("a proposed part", () => {
+  const [event, relation] = ["event", "relation"] as const;
+  const deciding = (decisions: Record<string, "accepted" | "rejected">): Parameters<typeof neighbour>[0] => {
+    const decided = (id: string) => decisions[id] ?? null;
+    const events = machine.events.list.filter((e) => e.parent === null && decided(e.id) === null);
+    return { machine, decided, openProposals: () => ({ events, relations: [relationFromJson({ id: "r1" })] }), settings: { order: "time" } as never };
+  };
+
+  it("comes with its whole until that is accepted", () => {
+    expect(openWhole(deciding({}), "a5")?.id).toBe("a2");
+    expect(openWhole(deciding({ a2: "accepted" }), "a5")).toBeNull();
+    expect(["a2", "r1"].map((id) => openWhole(deciding({}), id))).toEqual([null, null]);
+  });
+
+  it("leads to its whole, which is to be decided about; then to the next in order, as any other does", () => {
+    const next = (kind: "event" | "relation", id: string, decisions: Parameters<typeof deciding>[0] = {}) => neighbour(deciding(decisions), { kind, id, layer: "machine" });
+    expect(next(event, "a5")).toEqual({ kind: "event", id: "a2", layer: "machine" });
+    expect(next(event, "a5", { a2: "accepted" })?.id).toBe("a3");
+    expect(["a4", "a2", "a3", "a1"].map((id) => next(event, id)?.id)).toEqual(["a2", "a3", "a1", "a3"]);
+    expect(next(relation, "r1")).toBeNull();
   });
 });
 

@@ -3,7 +3,8 @@
 import { acceptSelected, rejectSelected } from "../actions";
 import { span } from "../document";
 import { clock, h } from "../dom";
-import { origin } from "../proposals";
+import { goTo } from "../navigate";
+import { openWhole, origin } from "../proposals";
 import type { App, LayerState } from "../state";
 import type { EcatEvent, Relation } from "../types";
 import { field, numberInput, textInput } from "./fields";
@@ -13,10 +14,12 @@ export function proposalPanel(app: App, layer: LayerState, proposal: EcatEvent |
   const isEvent = "segments" in proposal;
   const [start, end] = isEvent ? span(proposal) : [proposal.start_frame, proposal.end_frame];
   const verdict = app.decided(proposal.id);
-  const from = numberInput("Start", start, () => undefined, { max: app.nFrames, testId: "proposal-start", disabled: verdict !== null });
-  const to = numberInput("End", end, () => undefined, { max: app.nFrames, testId: "proposal-end", disabled: verdict !== null, placeholder: "open" });
+  const whole = verdict === null ? openWhole(app, proposal.id) : null;
+  const disabled = verdict !== null || whole !== null;
+  const from = numberInput("Start", start, () => undefined, { max: app.nFrames, testId: "proposal-start", disabled });
+  const to = numberInput("End", end, () => undefined, { max: app.nFrames, testId: "proposal-end", disabled, placeholder: "open" });
   const types = isEvent ? app.scheme.event_types : app.scheme.predicates;
-  const type = textInput("Type", isEvent ? proposal.type : proposal.predicate, () => undefined, { suggestions: types.map((t) => t.name), testId: "proposal-type", disabled: verdict !== null || !isEvent });
+  const type = textInput("Type", isEvent ? proposal.type : proposal.predicate, () => undefined, { suggestions: types.map((t) => t.name), testId: "proposal-type", disabled: disabled || !isEvent });
   const typed = type instanceof HTMLInputElement ? type : (type.querySelector("input") as HTMLInputElement);
   const adjusted = (): Parameters<typeof acceptSelected>[1] => ({
     ...(from.valueAsNumber !== start && Number.isFinite(from.valueAsNumber) ? { start_frame: from.valueAsNumber } : {}),
@@ -34,9 +37,12 @@ export function proposalPanel(app: App, layer: LayerState, proposal: EcatEvent |
     h("p.muted", null, `${clock(app.secondsOf(start))} – ${end === null ? "open" : clock(app.secondsOf(end))}`),
     roles.length > 0 ? h("p", null, roles.join(" · ")) : null,
     children.length > 0 ? h("div.section", null, h("h3", null, "Sub-events that come with it"), children.map((c) => h("div.row", null, h("span", null, c.type), h("span.spacer"), h("span.muted", null, span(c).join("–"))))) : null,
+    whole === null ? null : h("p", { "data-testid": "proposal-whole" }, "A part of ",
+      h("button.link-button", { type: "button", onclick: () => goTo(app, { kind: "event", id: whole.id, layer: layer.name }), "data-testid": "select-whole" }, `${whole.type || "the event"} (${whole.id})`),
+      ", and comes with it when that is accepted, unless you reject it."),
     verdict !== null ? null : h("div.actions", null,
-      h("button.button.primary", { type: "button", onclick: () => void acceptSelected(app, adjusted()), title: "Accept (Enter)", "data-testid": "accept" }, "Accept"),
+      whole !== null ? null : h("button.button.primary", { type: "button", onclick: () => void acceptSelected(app, adjusted()), title: "Accept (Enter)", "data-testid": "accept" }, "Accept"),
       h("button.button", { type: "button", onclick: () => void rejectSelected(app), title: "Reject (X)", "data-testid": "reject" }, "Reject")),
-    verdict === null ? h("p.hint", null, `Accepted, it is copied into the layer ${app.activeLayer}, with its sub-events, its roles and the objects that they need.`) : null,
+    !disabled ? h("p.hint", null, `Accepted, it is copied into the layer ${app.activeLayer}, with its sub-events, its roles and the objects that they need.`) : null,
   ].filter((e) => e !== null);
 }
