@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 KNOTS = 5
 NEAREST_M = 0.3
 """What is nearer to the camera is no marker, but a point that was not seen."""
-_NEVER_SEEN = -1.0
+UNKNOWN = -1.0
+"""All three coordinates of a point that was not seen, in exports."""
 FLATTEST = -0.15
 """Rays that fall less than this per metre, relative to the table, meet it too far away to say where."""
 _SHOULDERS, _HANDS = [1, 7], ([3, 4, 5], [9, 10, 11])
@@ -109,7 +110,7 @@ def lost(corners: Floats) -> NDArray[np.bool_]:
     A marker that was lost is written as a corner that is none and three that are the same for as long as it is: in some
     sessions a quarter of all frames, and as if the box had jumped there.
     """
-    alone = (corners == _NEVER_SEEN).all(axis=-1) | ~np.isfinite(corners).all(axis=-1)
+    alone = (corners == UNKNOWN).all(axis=-1) | ~np.isfinite(corners).all(axis=-1)
     markers = corners.reshape(*corners.shape[:-2], 2, 4, 3)
     same = [
         (markers[..., one, :] == markers[..., other, :]).all(axis=-1)

@@ -21,7 +21,8 @@ from learn.features.raw import (
     PLANE,
     SHAPE,
 )
-from learn.features.windows import HOP
+from learn.features.scene import UNKNOWN, lost
+from learn.features.windows import HOP, LENGTH, Floats
 from learn.recognize.dataset import LabelledSession, Labels, exchanged, places_of
 from learn.recognize.folds import Key
 from learn.recognize.inputs import Fitted
@@ -29,6 +30,8 @@ from learn.recognize.neural.training import Settings
 
 FEWEST = 5
 """Sessions of which one says when to stop although a share of no file is one; of fewer, each is needed to learn."""
+DURATIONS = 0.83, 1.0, 1.2
+"""How many times as long sessions take that a network learns from; their own is one of them."""
 _TRUNK, _ELBOWS = [0, 1, 7], [2, 8]
 """Of joints."""
 
@@ -64,18 +67,39 @@ def twice(sessions: Sequence[LabelledSession], fitted: Fitted, progress: Progres
 def dense(
     sessions: Sequence[LabelledSession], fitted: Fitted, vocabulary: Labels, step: int, progress: Progress
 ) -> tuple[Tensor, Tensor]:
-    """Windows that begin every few frames; one between two that are labelled has a share of either label."""
+    """Windows that begin every few frames of sessions as they are, and as if they had been slower and faster.
+
+    One whose middle is between those of two that are labelled has a share of either label.
+    """
     inputs: list[Any] = []
     targets: list[Any] = []
     for done, session in enumerate(sessions):
         progress("computing features", done, len(sessions))
-        inputs.append(fitted.windows(session.points, step))
         hot = np.eye(len(vocabulary), dtype=np.float32)[places_of(session.labels, vocabulary)]
-        where = np.arange(len(inputs[-1])) * step / HOP
-        before = np.floor(where).astype(np.int64)
-        share = (where - before).astype(np.float32)[:, None]
-        targets.append((1 - share) * hot[before] + share * hot[np.minimum(before + 1, len(hot) - 1)])
+        for times in DURATIONS:
+            inputs.append(fitted.windows(stretched(session.points, times), step))
+            middle = (np.arange(len(inputs[-1])) * step + LENGTH / 2) / times
+            where = np.clip((middle - LENGTH / 2) / HOP, 0, len(hot) - 1)
+            before = np.floor(where).astype(np.int64)
+            share = (where - before).astype(np.float32)[:, None]
+            targets.append((1 - share) * hot[before] + share * hot[np.minimum(before + 1, len(hot) - 1)])
     return torch.from_numpy(np.concatenate(inputs)), torch.from_numpy(np.concatenate(targets))
+
+
+def stretched(points: Floats, times: float) -> Floats:
+    """A session's points (n, 21, 3) as if all had taken ``times`` as long, in as many frames a second.
+
+    From where a point was seen to where it was seen next it goes straight; otherwise it is as in the nearest frame.
+    """
+    at = np.arange(int((len(points) - 1) * times) + 1) / times
+    before = np.floor(at).astype(np.int64)
+    after = np.minimum(before + 1, len(points) - 1)
+    share = (at - before)[:, None, None]
+    seen = np.isfinite(points).all(axis=2) & (points != UNKNOWN).any(axis=2)
+    seen[:, len(JOINTS) :] &= ~lost(points[:, len(JOINTS) :])
+    between = points[before] * (1 - share) + points[after] * share
+    nearest = points[np.where(at - before < 0.5, before, after)]
+    return np.where((seen[before] & seen[after])[..., None], between, nearest)
 
 
 class Augment:

@@ -46,7 +46,7 @@ RECIPES = {
     "neural": Settings(
         "neural",
         hidden=96,
-        epochs=12,
+        epochs=4,
         batch=128,
         rate=2e-3,
         decay=0,

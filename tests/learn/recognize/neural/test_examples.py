@@ -6,13 +6,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
+from ecat.progress import silent
 from learn.features.raw import DEPTH, HEIGHT, MIRROR_CHANNELS, MIRROR_SIGNS, N_CHANNELS, PLANE, SHAPE
-from learn.recognize.dataset import read_exports
+from learn.recognize.dataset import LabelledSession, places_of, read_exports, vocabulary_of
 from learn.recognize.folds import Key
-from learn.recognize.neural.examples import Augment, held_out
+from learn.recognize.inputs import Fitted
+from learn.recognize.neural.examples import DURATIONS, Augment, dense, held_out, stretched
+from learn.recognize.neural.recognizer import FEATURES
 from learn.recognize.neural.training import Settings
 from tests.learn.recognize import made
 
@@ -31,6 +35,11 @@ def windows() -> torch.Tensor:
     """One window, many times; a random walk."""
     steps = torch.randn(1, 20, N_CHANNELS) / 50
     return (torch.randn(1, 1, N_CHANNELS) / 3 + steps.cumsum(1)).expand(MANY, -1, -1)
+
+
+def short_of(session: LabelledSession) -> LabelledSession:
+    """The first window of a session."""
+    return replace(session, points=session.points[:20], labels=session.labels[:1])
 
 
 def still() -> Augment:
@@ -124,3 +133,52 @@ def test_the_corners_of_a_box_stay_together(windows: torch.Tensor) -> None:
         float(torch.minimum((found - one).abs().amax((1, 2, 3)), (found - other).abs().amax((1, 2, 3))).max())
         < 1e-4
     )
+
+
+def test_a_session_that_takes_longer_goes_the_same_way_more_slowly() -> None:
+    points = np.arange(30.0)[:, None, None] * np.arange(1.0, 4.0) + np.arange(1.0, 22.0)[:, None]
+    np.testing.assert_array_equal(stretched(points, 1.0), points)
+    slower, faster = stretched(points, 1.25), stretched(points, 0.5)
+    assert (len(slower), len(faster)) == (37, 15)
+    np.testing.assert_allclose(np.diff(slower, axis=0), np.tile([0.8, 1.6, 2.4], (36, 21, 1)))
+    np.testing.assert_allclose(np.diff(faster, axis=0), np.tile([2.0, 4.0, 6.0], (14, 21, 1)))
+
+
+@pytest.mark.parametrize("unknown", [np.nan, -1.0, 0.1])
+def test_where_a_point_was_not_seen_nothing_is_between(unknown: float) -> None:
+    points = np.arange(30.0)[:, None, None] / 30 + np.ones((30, 21, 3))
+    points[10:15, 13:17] = unknown  # 0.1: four corners in one place
+    found = stretched(points, 1.2)[:, 13:17]
+    lost = np.isin(found, unknown) | np.isnan(found)
+    assert 5 <= lost.all(axis=(1, 2)).sum() <= 7
+    assert (lost.all(axis=(1, 2)) == lost.any(axis=(1, 2))).all()
+    assert found[~lost].min() >= 1
+
+
+def test_a_network_learns_from_sessions_at_three_speeds_with_labels_at_the_same_moments(
+    tmp_path: Path,
+) -> None:
+    sessions = read_exports(made.exports(tmp_path))[:4]
+    labels = vocabulary_of(sessions)
+    fitted = Fitted.of(FEATURES["neural"], [one.points for one in sessions])
+    one = max(sessions, key=lambda session: len(session.labels))
+    inputs, targets = dense([one], fitted, labels, 1, silent)
+    counts = [len(fitted.windows(stretched(one.points, times), 1)) for times in DURATIONS]
+    assert len(inputs) == len(targets) == sum(counts)
+    own = targets[counts[0] : counts[0] + counts[1]]
+    assert own[::5].argmax(1).tolist() == places_of(one.labels, labels)
+    assert own.sum(1).allclose(torch.ones(len(own)))
+    for times, part in zip(DURATIONS, targets.split(counts), strict=True):
+        changed = [
+            int((one_by_one.argmax(1) != one_by_one[0].argmax()).int().argmax()) for one_by_one in (own, part)
+        ]
+        middles = changed[0] + 10, (changed[1] + 10) / times
+        assert middles[0] == pytest.approx(middles[1], abs=2)
+
+
+def test_a_session_that_is_too_short_at_another_speed_is_learned_at_its_own(tmp_path: Path) -> None:
+    sessions = read_exports(made.exports(tmp_path))
+    short = short_of(sessions[0])
+    fitted = Fitted.of(FEATURES["neural"], [one.points for one in sessions])
+    inputs, _ = dense([short], fitted, vocabulary_of(sessions), 1, silent)
+    assert len(inputs) == 2  # as it is, and slower
