@@ -81,7 +81,7 @@ def edits(
 def _edit_all(out: Output, root: Path, folders: Sequence[Path], step: Callable[[Path], Record]) -> int:
     """Edit sessions one after the other; what stops one does not stop the others."""
     done: list[dict[str, Any]] = []
-    failed: list[dict[str, Any]] = []
+    failed: list[tuple[str, EcatError]] = []
     lines: list[str] = []
     with out.progress() as progress:
         for i, folder in enumerate(folders):
@@ -90,13 +90,15 @@ def _edit_all(out: Output, root: Path, folders: Sequence[Path], step: Callable[[
             try:
                 record = step(folder)
             except EcatError as error:
-                failed.append({"session": name, "error": error.to_dict()})
+                failed.append((name, error))
                 lines.append(f"{name}: {error}")
             else:
                 changes = sum(change.kind != "layer" for change in record.changes)
                 done.append({"session": name, "revision": record.revision, "changes": changes})
                 lines.append(f"{name}: {count(changes, 'change')}, revision {record.revision}")
-    out.result({"sessions": done, "failures": failed}, "\n".join(lines) or "no sessions", ok=not failed)
+    failures = [{"session": name, "error": error.to_dict()} for name, error in failed]
+    data = {"sessions": done, "failures": failures}
+    out.result(data, "\n".join(lines) or "no sessions", failed=[error for _, error in failed])
     return 1 if failed else 0
 
 

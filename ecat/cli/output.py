@@ -35,18 +35,24 @@ class Output:
         if not (self.as_json or self.quiet):
             print(printable(text))  # noqa: T201
 
-    def result(self, data: Mapping[str, object], text: str, *, ok: bool = True) -> None:
-        """Print the result: ``text`` for a person or ``{"ok": ok, **data}`` for a program."""
+    def result(
+        self, data: Mapping[str, object], text: str, *, ok: bool = True, failed: Iterable[EcatError] = ()
+    ) -> None:
+        """Print the result: ``text`` for a person or ``{"ok": ok, **data}`` for a program.
+
+        Parameters
+        ----------
+        failed : what went wrong of much that did not, and is told of in ``text``: it is all that is said in quiet.
+        """
+        failed = tuple(failed)
+        ok = ok and not failed
         if self.as_json:
             print_json({"ok": ok, **data})
+        elif self.quiet:
+            for error in failed:
+                click.echo(f"ecat: {printable(str(error))}", err=True)
         elif text:
             self.say(text)
-
-    def failures(self, errors: Iterable[EcatError]) -> None:
-        """Print what failed of much that did not, where nothing else is printed but errors."""
-        if self.quiet and not self.as_json:
-            for error in errors:
-                click.echo(f"ecat: {printable(str(error))}", err=True)
 
     @contextmanager
     def progress(self) -> Generator[Progress]:

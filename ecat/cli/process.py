@@ -134,8 +134,7 @@ def _report(out: Output, outcomes: list[Outcome], failed: list[tuple[Path, EcatE
     lines += [f"{path}: {error}" for path, error in failed]
     if failed:
         lines.append(f"{count(len(reports), 'session')} processed, {len(failed):,} failed")
-    out.result(data, "\n".join(lines), ok=not failed)
-    out.failures(error for _, error in failed)
+    out.result(data, "\n".join(lines), failed=[error for _, error in failed])
 
 
 def _lines(session: dict[str, Any]) -> list[str]:

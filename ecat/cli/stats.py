@@ -50,8 +50,9 @@ def command(out: Output, path: Path | str, plot: Path | None) -> int:
             query.plot_statistics(found, plot, folder.resolve().name)
     data: dict[str, Any] = {name: rows for name, rows in found.parts.items() if name != "lengths"}
     data["agreement"] = found.agreement
+    errors = [error for _, error in found.failures]
     data["failures"] = [{"path": str(folder), "error": error.to_dict()} for folder, error in found.failures]
-    out.result(data, _text(found) + (f"\n\ndrawn to {plot}" if plot else ""), ok=not found.failures)
+    out.result(data, _text(found) + (f"\n\ndrawn to {plot}" if plot else ""), failed=errors)
     return 1 if found.failures else 0
 
 

@@ -76,5 +76,4 @@ def tell(out: Output, done: str, report: ImportReport | ExportReport) -> None:
     lines = ["\n  ".join((head, *report.findings)), *(f"{path}: {error}" for path, error in failures)]
     if failures:
         lines.append(f"{count(report.sessions, 'session')} {done}, {len(failures):,} failed")
-    out.result(data, "\n".join(lines), ok=not failures)
-    out.failures(error for _, error in failures)
+    out.result(data, "\n".join(lines), failed=[error for _, error in failures])

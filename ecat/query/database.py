@@ -2,8 +2,8 @@
 
 Every table of the sessions is a table here, with the rows of all of them and a column ``session`` in front; the table
 ``sessions`` says what the sessions are.  DuckDB reads of the files what a question needs, when it needs it.  A question
-can read nothing else, and write nothing: there is no way from SQL to the disk or to Python.  What is too much for the
-memory waits in a folder of its own, which goes with the database.
+can read nothing else, and write nothing but into a folder of its own, in which what is too much for the memory waits,
+and which goes with the database: there is no other way from SQL to the disk, and none to Python.
 """
 
 from __future__ import annotations

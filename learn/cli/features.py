@@ -131,7 +131,7 @@ def features(
     text = f"wrote {count(rows_done, 'row')} of {count(len(done), 'recording')} to {dest}"
     lines = [text, *(f"  {said}" for said in findings), *(str(error) for error in failed)]
     data = {"path": str(dest), "rows": rows_done, "sessions": done, "findings": findings}
-    out.result(data | {"failures": [e.to_dict() for e in failed]}, "\n".join(lines), ok=not failed)
+    out.result(data | {"failures": [e.to_dict() for e in failed]}, "\n".join(lines), failed=failed)
     return 1 if failed else 0
 
 

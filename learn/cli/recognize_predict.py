@@ -104,7 +104,8 @@ def predict(
             click.echo(printable(f"{session['path']}: {session['guessed']}"), err=True)
     data = {"sessions": done, "failures": [{"path": str(path), "error": e.to_dict()} for path, e in failed]}
     lines = [line for session in done for line in _lines(session)] + [f"{path}: {e}" for path, e in failed]
-    out.result(data, "\n".join(lines) or "no sessions: there was nothing to do", ok=not failed)
+    errors = [error for _, error in failed]
+    out.result(data, "\n".join(lines) or "no sessions: there was nothing to do", failed=errors)
     return 1 if failed else 0
 
 

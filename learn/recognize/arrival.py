@@ -16,10 +16,9 @@ from learn.features.points import N_POINTS
 from learn.features.scene import Table
 from learn.features.windows import LENGTH, Features, Floats
 from learn.recognize.actions import movers
-from learn.recognize.dataset import SLOTS, LabelledSession, Labels
+from learn.recognize.dataset import PREPOSITION, SLOTS, SUBJECT, VERB, LabelledSession, Labels
 from learn.recognize.forest import Forest, grow
 
-_SUBJECT, _VERB, _PREPOSITION = 0, 3, 4
 _PERFORMER = 1
 _SETTINGS = {"n_estimators": 200, "min_samples_leaf": 3, "max_features": 0.4}
 
@@ -43,7 +42,7 @@ def grow_arrival(sessions: Sequence[LabelledSession], table: Table, seed: int) -
     rows: list[Features] = []
     said: list[NDArray[np.bool_]] = []
     for session in sessions:
-        related = session.labels[:, _PREPOSITION] > 0
+        related = session.labels[:, PREPOSITION] > 0
         if related.any():
             rows.append(_rows(journey_features(session.points, table), session.labels[related][0]))
             said.append(related)
@@ -63,8 +62,8 @@ def _rows(journeys: Sequence[Features], label: NDArray[np.int8]) -> Features:
     """Features of the windows of a session whose action, once it has arrived, has a label (5,)."""
     journey = journeys[max(int(movers(label[None])[0]), 1) - 1]
     said = [
-        *(label[_VERB] == np.arange(1, len(SLOTS["verb"]))),
-        *(label[_PREPOSITION] == np.arange(1, len(SLOTS["preposition"]))),
-        label[_SUBJECT] > _PERFORMER,
+        *(label[VERB] == np.arange(1, len(SLOTS["verb"]))),
+        *(label[PREPOSITION] == np.arange(1, len(SLOTS["preposition"]))),
+        label[SUBJECT] > _PERFORMER,
     ]
     return np.concatenate([journey, np.tile(np.array(said, np.float32), (len(journey), 1))], axis=1)

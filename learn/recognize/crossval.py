@@ -76,7 +76,7 @@ def refuse_another(run: Path, said: dict[str, Any]) -> None:
     if not source.exists():
         return
     with undamaged(f"{what}: {CROSSVAL} cannot be read", consequence=consequence, fix=fix):
-        there = {**said, **read_json(source)}
+        there = {"options": {}, **read_json(source)}
         words = {key: there[key] for key in ("model", "folds", "share")} | there["options"]
     if any(there[key] != value for key, value in said.items()):
         shown = " ".join(f"--{key} {value}" for key, value in words.items())

@@ -34,6 +34,8 @@ SLOTS: dict[str, tuple[str | None, ...]] = {
     "preposition": (None, "Past", "From", "To"),
 }
 """The five slots of a label and what may stand in each; a label is five places in these (thesis chapter 4)."""
+SUBJECT, OBJECT, LOCATIVE, VERB, PREPOSITION = range(len(SLOTS))
+"""Where the slots are in a label."""
 Labels = NDArray[np.int8]
 
 _VERBS = {None: 0, "pushes": 1, "pulls": 2, "rolls": 3, "slides": 4}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.features.windows import Floats
-from learn.recognize.dataset import Labels
+from learn.recognize.dataset import LOCATIVE, PREPOSITION, VERB, Labels
 
 LEAST = 1e-3
 """Probability that is given to a label that a window's model rules out."""
@@ -31,7 +31,6 @@ LIKELY = 3
 Arrived = Callable[[Sequence[NDArray[np.int64]]], Sequence[Floats]]
 """Of labels (k,) of each session, by their places in the vocabulary: probabilities (n, k) that they hold at its windows
 by now, if ever."""
-_LOCATIVE, _VERB, _PREPOSITION = 2, 3, 4
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,8 @@ class Habits:
     def of(cls, sessions: Sequence[Labels]) -> Habits:
         """Those of labelled sessions (n, 5), each; one more of either kind is counted than there are."""
         seen = [labels for labels in sessions if len(labels)]
-        nothing = sum(labels[0, _VERB] == 0 for labels in seen)
-        short = sum(labels[-1, _PREPOSITION] == 0 for labels in seen)
+        nothing = sum(labels[0, VERB] == 0 for labels in seen)
+        short = sum(labels[-1, PREPOSITION] == 0 for labels in seen)
         return cls((int(nothing) + 1) / (len(seen) + 2), (int(short) + 1) / (len(seen) + 2))
 
 
@@ -68,15 +67,15 @@ class Grammar:
         """The actions that labels (k, 5) of a vocabulary make up."""
         place = {tuple(label): number for number, label in enumerate(vocabulary.tolist())}
         bare = vocabulary.copy()
-        bare[:, [_LOCATIVE, _PREPOSITION]] = 0
-        arrived = vocabulary[:, _PREPOSITION] > 0
+        bare[:, [LOCATIVE, PREPOSITION]] = 0
+        arrived = vocabulary[:, PREPOSITION] > 0
         without = [place.get(tuple(label), -1) for label in bare.tolist()]
         nothing = place.get((0,) * 5, -1)
         related = {without[number] for number in np.flatnonzero(arrived)}
         rows = [(nothing, without[number], number) for number in np.flatnonzero(arrived).tolist()]
         rows += [
             (nothing, number, -1)
-            for number in np.flatnonzero(~arrived & (vocabulary[:, _VERB] > 0)).tolist()
+            for number in np.flatnonzero(~arrived & (vocabulary[:, VERB] > 0)).tolist()
             if number not in related
         ]
         rows = rows or [(nothing, -1, -1)]

@@ -18,7 +18,7 @@ from learn.features.points import JOINTS
 from learn.features.recordings import Recording
 from learn.features.windows import HOP, LENGTH, Floats
 from learn.recognize.actions import movers
-from learn.recognize.dataset import Labels, words
+from learn.recognize.dataset import PREPOSITION, VERB, Labels, words
 from learn.recognize.episodes import Episode, episodes
 from learn.recognize.grammar import of_one_action
 from learn.recognize.model import Recognized
@@ -26,8 +26,6 @@ from learn.recognize.runs import Recognizer
 
 _REST_M, _GONE_M = 0.01, 0.03
 """By its poses a box rests that goes less far than the one, and moves if it goes farther than the other."""
-_VERB, _PREPOSITION = 3, 4
-"""Of the words of a label."""
 
 
 @dataclass(frozen=True)
@@ -119,17 +117,17 @@ def _action(parts: Sequence[_Seen]) -> Action | None:
     sure = np.take_along_axis(probable, labels[:, None], axis=1)[:, 0]
     edges = [edge for part in parts for edge in part.edges()]
     said = [tuple(words(label)) for label in parts[0].vocabulary[labels].tolist()]
-    done = [window for window, label in enumerate(said) if label[_VERB] is not None]
+    done = [window for window, label in enumerate(said) if label[VERB] is not None]
     if not done:
         return None
     has_joints = any(bool(np.isfinite(part.episode.points[:, : len(JOINTS)]).any()) for part in parts)
 
     def over(windows: Sequence[int], end: int, before: Action | None = None) -> Action:
         start, mean = edges[windows[0]][0], float(sure[list(windows)].mean())
-        label = max((said[window] for window in windows), key=lambda label: label[_PREPOSITION] is not None)
+        label = max((said[window] for window in windows), key=lambda label: label[PREPOSITION] is not None)
         return Action(start, max(end, start + 1), label, mean, has_joints, before)
 
-    arrival = next((window for window in done if said[window][_PREPOSITION] is not None), done[0])
+    arrival = next((window for window in done if said[window][PREPOSITION] is not None), done[0])
     bare = done[: done.index(arrival)]
     before = over(bare, edges[arrival][0]) if bare else None
     return over(done, edges[done[-1]][1], before)

@@ -88,7 +88,8 @@ def replace_proposals(
 
     Proposals of other authors stay as they are.  So do the author's own that people have accepted or rejected, which
     are not proposed a second time, events also not if they have moved by some frames; an event and its sub-events stay
-    or go together.  Events may have parents among those of the same author only, and get new ids.
+    or go together.  Events may have parents among those of the same author only, each behind its own, and get
+    new ids.
 
     Raises
     ------
@@ -99,7 +100,8 @@ def replace_proposals(
     require_free_layer(session, layer)
     old = with_relation_ids(_layer(session, layer))
     decided = _decided(session, layer)
-    whole = {part.id: one.id for one in old.events if not one.parent for part in Document(old).tree(one.id)}
+    document = Document(old)
+    whole = {part.id: one.id for one in old.events if not one.parent for part in document.tree(one.id)}
     settled = {item.id for item in (*old.events, *old.relations) if item.status != "proposed"} | decided
     settled |= {whole[name] for name in settled if name in whole}
 

@@ -322,6 +322,10 @@ def test_windows_of_a_whole_project(ecat: Ecat, project: Path) -> None:
     for name in ("a", "b"):
         starts = [e.segments[0].start_frame for e in open_session(project / name).layer().events]
         assert starts == [0, 100, 200]
+    words = ("event", "windows", project, "--step", 90, "--duration", 50, "--tier", "more", "--quiet")
+    quiet = ecat(*words)
+    assert (quiet.code, quiet.out) == (1, "")
+    assert "session.json" in quiet.err
 
 
 def test_references_in_the_texts_of_a_whole_project(ecat: Ecat, project: Path) -> None:

@@ -246,7 +246,8 @@ def test_what_failed_is_also_said_in_quiet(
     for name in ("bad", "good"):
         shutil.copytree(session, project / name)
     (project / "bad" / "session.json").write_text("{", "utf-8")
-    for words in (("process", project), ("export", project, tmp_path / "data", "--format", "parquet")):
+    export = ("export", project, tmp_path / "data", "--format", "parquet")
+    for words in (("process", project), export, ("stats", project)):
         result = ecat(*words, "--quiet")
         assert (result.code, result.out) == (1, "")
         assert result.err.startswith("ecat: cannot ")

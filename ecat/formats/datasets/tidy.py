@@ -224,8 +224,9 @@ def merge(parts: Sequence[Part], dest: Path, options: TidyOptions, progress: Pro
                     schema = streams.schema(name) if name == MOMENTS else schemas[name]
                     if name not in outs:
                         outs[name] = stack.enter_context(_Joined(dest / name, schema))
+                    outs[name].widen(schema)
                     for rows in streams.batches(name):
-                        outs[name].extend(rows, schema)
+                        outs[name].extend(rows)
                         _write_the_largest(outs)
         if MOMENTS in outs and outs[MOMENTS].outgrown:
             outs[MOMENTS].finish()
@@ -246,7 +247,7 @@ def _read_again(parts: Sequence[Part], outs: Mapping[str, _Joined], progress: Pr
         progress("joining", done, len(parts))
         with StreamsReader(part.path) as streams:
             for rows in streams.batches(MOMENTS) if MOMENTS in streams.names else ():
-                moments.extend(rows, moments.schema)
+                moments.extend(rows)
                 _write_the_largest(outs)
 
 
@@ -268,10 +269,21 @@ class _Joined(AbstractContextManager["_Joined"]):
         self._gathered: list[pa.RecordBatch] = []
         self._combined = 0
 
-    def extend(self, rows: pa.RecordBatch, schema: pa.Schema) -> None:
-        """Put these rows, which have the columns ``schema``, behind the others."""
-        if schema is not self.schema and (new := [f for f in schema if f.name not in self.schema.names]):
-            self._widen(new)
+    def widen(self, schema: pa.Schema) -> None:
+        """Take the columns of ``schema`` that are new behind those that there are."""
+        known = set(self.schema.names)
+        columns = [] if schema is self.schema else [field for field in schema if field.name not in known]
+        if not columns:
+            return
+        self.schema = pa.schema([*self.schema, *columns])
+        if self._out is not None:
+            self.outgrown = True
+            self._forget()
+        self._gathered = [_with_columns(rows, self.schema) for rows in self._gathered]
+        self.gathered_bytes = sum(rows.nbytes for rows in self._gathered)
+
+    def extend(self, rows: pa.RecordBatch) -> None:
+        """Put these rows behind the others; what columns they have is known."""
         if self.outgrown:
             return
         # nulls take room as well
@@ -295,14 +307,6 @@ class _Joined(AbstractContextManager["_Joined"]):
         """Write what is left."""
         self.write()
         self._close()
-
-    def _widen(self, columns: Sequence[Any]) -> None:
-        self.schema = pa.schema([*self.schema, *columns])
-        if self._out is not None:
-            self.outgrown = True
-            self._forget()
-        self._gathered = [_with_columns(rows, self.schema) for rows in self._gathered]
-        self.gathered_bytes = sum(rows.nbytes for rows in self._gathered)
 
     def _since(self, first: int) -> pa.Table:
         return pa.Table.from_batches(self._gathered[first:], self.schema)

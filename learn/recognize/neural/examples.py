@@ -30,8 +30,6 @@ from learn.recognize.neural.training import Settings
 
 FEWEST = 5
 """Sessions of which one says when to stop although a share of no file is one; of fewer, each is needed to learn."""
-DURATIONS = 0.83, 1.0, 1.2
-"""How many times as long sessions take that a network learns from; their own is one of them."""
 _TRUNK, _ELBOWS = [0, 1, 7], [2, 8]
 """Of joints."""
 
@@ -65,9 +63,13 @@ def twice(sessions: Sequence[LabelledSession], fitted: Fitted, progress: Progres
 
 
 def dense(
-    sessions: Sequence[LabelledSession], fitted: Fitted, vocabulary: Labels, step: int, progress: Progress
+    sessions: Sequence[LabelledSession],
+    fitted: Fitted,
+    vocabulary: Labels,
+    settings: Settings,
+    progress: Progress,
 ) -> tuple[Tensor, Tensor]:
-    """Windows that begin every few frames of sessions as they are, and as if they had been slower and faster.
+    """Windows that begin every few frames of sessions, each of which has one, as if they had taken more or less time.
 
     One whose middle is between those of two that are labelled has a share of either label.
     """
@@ -76,9 +78,9 @@ def dense(
     for done, session in enumerate(sessions):
         progress("computing features", done, len(sessions))
         hot = np.eye(len(vocabulary), dtype=np.float32)[places_of(session.labels, vocabulary)]
-        for times in DURATIONS:
-            inputs.append(fitted.windows(stretched(session.points, times), step))
-            middle = (np.arange(len(inputs[-1])) * step + LENGTH / 2) / times
+        for times in settings.durations:
+            inputs.append(fitted.windows(stretched(session.points, times), settings.step))
+            middle = (np.arange(len(inputs[-1])) * settings.step + LENGTH / 2) / times
             where = np.clip((middle - LENGTH / 2) / HOP, 0, len(hot) - 1)
             before = np.floor(where).astype(np.int64)
             share = (where - before).astype(np.float32)[:, None]

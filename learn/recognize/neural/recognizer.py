@@ -53,6 +53,7 @@ RECIPES = {
         keep=0.8,
         members=2,
         step=1,
+        durations=(0.83, 1.0, 1.2),
         validation=0,
     ),
 }
@@ -139,6 +140,7 @@ def train(
     """
     if not sum(len(session.labels) for session in sessions):
         raise InputError("cannot train a recogniser", where="there are no windows", fix="give more sessions")
+    sessions = [session for session in sessions if len(session.labels)]
     known, held = held_out(sessions, settings)
     seen = vocabulary_of(sessions)
     whole = settings.model == "neural"
@@ -153,7 +155,7 @@ def train(
         prints = frozenset(fingerprint(session.points) for session in sessions)
         recognizer = NeuralRecognizer(settings, fitted, vocabulary, seen, habits, network, prints)
         if whole:
-            inputs, targets = dense(known, fitted, seen, settings.step, progress)
+            inputs, targets = dense(known, fitted, seen, settings, progress)
         else:
             inputs, targets = twice(known, fitted, progress)
         history = fit(
@@ -255,6 +257,7 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
     TypeError : they are others, or of another type.
     """
     found = Settings(**config["settings"])
+    found = replace(found, durations=tuple(found.durations))
     sizes = {name: getattr(found, name) for name in MOST}
     wrong = [name for name, size in sizes.items() if type(size) is not int or not 1 <= size <= MOST[name]]
     if found.model != config["model"]:

@@ -33,6 +33,7 @@ class Settings:
     keep : share of outputs that are not dropped out.
     members : networks that are trained together and asked together; of the raw network only.
     step : frames from one window for training to the next.
+    durations : how many times as long sessions take that are learned from; of the raw network only.
     carries : whether states are carried from batch to batch, windows are in order, and the last are dropped.
     crf_weight : of scores of pairs when recognising.
     validation : share of the training sessions that say when to stop; 0 trains for all epochs.
@@ -49,6 +50,7 @@ class Settings:
     keep: float = 0.6
     members: int = 1
     step: int = 5
+    durations: tuple[float, ...] = (1.0,)
     carries: bool = False
     crf_weight: float = 1.0
     validation: float = 0.1

@@ -89,6 +89,9 @@ def test_recordings_that_lack_something_are_named_and_the_others_written(
     assert list(result.json["sessions"]) == ["good"]
     assert "no joints" in result.json["failures"][0]["where"]
     assert dest.exists()
+    quiet = ecat("learn", "features", project, "--set", "ch4-raw", "-o", tmp_path / "g.parquet", "--quiet")
+    assert (quiet.code, quiet.out) == (1, "")
+    assert "no joints" in quiet.err
 
 
 def test_what_is_the_same_of_many_recordings_is_said_once(tmp_path: Path, ecat: Ecat) -> None:

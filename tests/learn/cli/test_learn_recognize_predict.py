@@ -100,6 +100,9 @@ def test_sessions_that_cannot_be_recognised_are_named_and_the_others_done(
     assert [Path(each["path"]).name for each in result.json["sessions"]] == ["good"]
     assert "two boxes are needed" in result.json["failures"][0]["error"]["where"]
     assert not open_session(project / "one").manifest.layer("machine")
+    quiet = ecat("learn", "recognize", "predict", project, "--run", run, "--quiet")
+    assert (quiet.code, quiet.out) == (1, "")
+    assert "two boxes are needed" in quiet.err
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ecat.errors import InputError
+from ecat.errors import CorruptError, ExistsError, InputError
 from ecat.progress import Progress
-from learn.recognize.crossval import Split, cross_validate_model, in_order, kept_or, splits_of
+from learn.recognize.crossval import (
+    Split,
+    cross_validate_model,
+    in_order,
+    kept_or,
+    made_of,
+    refuse_another,
+    said_of,
+    splits_of,
+)
 from learn.recognize.dataset import LabelledSession, read_exports
 from learn.recognize.evaluation import Predicted
+from learn.recognize.neural.recognizer import RECIPES
 from learn.recognize.runs import Options, train
 from tests.learn.recognize import made
 
@@ -97,3 +109,38 @@ def test_a_share_is_what_is_learned_from(
     result, _ = cross_validate_model(sessions, "lds", "random", [Options()], share=0.25)
     assert result["share"] == 0.25
     assert 4 <= max(known) <= 8
+
+
+def test_what_networks_learn_from_is_part_of_what_they_say_depends_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = made_of("mixture", Options(epochs=2))
+    monkeypatch.setitem(RECIPES, "neural", replace(RECIPES["neural"], durations=(1.0,)))
+    assert made_of("mixture", Options(epochs=2)) != before
+
+
+@pytest.mark.parametrize(
+    ("kept", "error", "words"),
+    [
+        (
+            {"model": "trees", "folds": "random", "share": 1.0},
+            ExistsError,
+            "--model trees --folds random --share 1.0",
+        ),
+        (
+            {"model": "lds", "folds": "random", "share": 1.0},
+            ExistsError,
+            "--model lds --folds random --share 1.0",
+        ),
+        ({"model": "trees", "share": 1.0}, CorruptError, "folds"),
+        ({"model": "trees", "folds": "random", "share": 1.0, "options": 7}, CorruptError, "options"),
+    ],
+)
+def test_figures_that_say_no_options_were_made_without_any(
+    kept: dict[str, Any], error: type[Exception], words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "crossval.json").write_text(json.dumps(kept), "utf-8")
+    with pytest.raises(error) as caught:
+        refuse_another(tmp_path, said_of("trees", "random", 1.0, Options(trees=5)))
+    assert words in str(caught.value) or error is CorruptError
+    assert "--trees" not in str(caught.value)

@@ -15,8 +15,8 @@ from learn.features.raw import DEPTH, HEIGHT, MIRROR_CHANNELS, MIRROR_SIGNS, N_C
 from learn.recognize.dataset import LabelledSession, places_of, read_exports, vocabulary_of
 from learn.recognize.folds import Key
 from learn.recognize.inputs import Fitted
-from learn.recognize.neural.examples import DURATIONS, Augment, dense, held_out, stretched
-from learn.recognize.neural.recognizer import FEATURES
+from learn.recognize.neural.examples import Augment, dense, held_out, stretched
+from learn.recognize.neural.recognizer import FEATURES, RECIPES
 from learn.recognize.neural.training import Settings
 from tests.learn.recognize import made
 
@@ -162,13 +162,14 @@ def test_a_network_learns_from_sessions_at_three_speeds_with_labels_at_the_same_
     labels = vocabulary_of(sessions)
     fitted = Fitted.of(FEATURES["neural"], [one.points for one in sessions])
     one = max(sessions, key=lambda session: len(session.labels))
-    inputs, targets = dense([one], fitted, labels, 1, silent)
-    counts = [len(fitted.windows(stretched(one.points, times), 1)) for times in DURATIONS]
+    inputs, targets = dense([one], fitted, labels, RECIPES["neural"], silent)
+    durations = RECIPES["neural"].durations
+    counts = [len(fitted.windows(stretched(one.points, times), 1)) for times in durations]
     assert len(inputs) == len(targets) == sum(counts)
     own = targets[counts[0] : counts[0] + counts[1]]
     assert own[::5].argmax(1).tolist() == places_of(one.labels, labels)
     assert own.sum(1).allclose(torch.ones(len(own)))
-    for times, part in zip(DURATIONS, targets.split(counts), strict=True):
+    for times, part in zip(durations, targets.split(counts), strict=True):
         changed = [
             int((one_by_one.argmax(1) != one_by_one[0].argmax()).int().argmax()) for one_by_one in (own, part)
         ]
@@ -180,5 +181,5 @@ def test_a_session_that_is_too_short_at_another_speed_is_learned_at_its_own(tmp_
     sessions = read_exports(made.exports(tmp_path))
     short = short_of(sessions[0])
     fitted = Fitted.of(FEATURES["neural"], [one.points for one in sessions])
-    inputs, _ = dense([short], fitted, vocabulary_of(sessions), 1, silent)
+    inputs, _ = dense([short], fitted, vocabulary_of(sessions), RECIPES["neural"], silent)
     assert len(inputs) == 2  # as it is, and slower

@@ -70,7 +70,9 @@ def test_every_model_is_kept_and_read_again(
 ) -> None:
     recognizer = train(sessions, replace(RECIPES[name], **SMALL)).recognizer
     save(recognizer, tmp_path)
-    one, other = (each.recognize(points_of(sessions[:2])) for each in (recognizer, load(tmp_path)))
+    again: Any = load(tmp_path)
+    assert again.settings == recognizer.settings
+    one, other = (each.recognize(points_of(sessions[:2])) for each in (recognizer, again))
     np.testing.assert_array_equal(one.alone, other.alone)
     np.testing.assert_array_equal(one.context, other.context)
     np.testing.assert_allclose(one.alone.sum(axis=1), 1, rtol=1e-5)
@@ -91,6 +93,20 @@ def test_validation_sets_sessions_of_every_file_aside(sessions: list[LabelledSes
     found = train(sessions, replace(RECIPES["mlp"], validation=0.4, patience=1, **SMALL))
     assert sorted(file for file, _ in found.validation) == ["pullpast"] * 2 + ["pushto"] * 2
     assert len(found.history.scores) == len(found.history.losses)
+
+
+def test_sessions_without_a_window_teach_nothing_and_are_not_set_aside(
+    sessions: list[LabelledSession],
+) -> None:
+    short = [
+        replace(one, file=f"short{n}", points=one.points[:n], labels=one.labels[:0])
+        for n, one in zip((0, 1, 19), sessions, strict=False)
+    ]
+    recipe = replace(RECIPES["neural"], validation=0.01, **SMALL)
+    found = train([*short, *sessions], recipe)
+    assert {file for file, _ in found.validation} <= {one.file for one in sessions}
+    weights = [list(one.recognizer.network.state_dict().values()) for one in (found, train(sessions, recipe))]
+    assert all(bool((a == b).all()) for a, b in zip(*weights, strict=True))
 
 
 def test_nothing_to_learn_from_is_refused() -> None:
@@ -148,6 +164,7 @@ def test_a_model_of_another_kind_is_refused_by_name(run: Path) -> None:
     [
         {"settings": {}},
         {"settings": 3},
+        {"settings": {"model": "neural", "durations": 3}},
         {"vocabulary": [[9, 9, 9, 9, 9]]},
         {"vocabulary": "no"},
         {"habits": {"none": 1}},
