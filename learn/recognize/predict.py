@@ -72,9 +72,9 @@ def recognize(
         _require_probabilities(recording, run, seen)
         if not episode.goes_on:
             movements.append([])
-        movements[-1].append(_Seen(episode, seen.vocabulary, _agreeing(recording, episode, seen)))
+        movements[-1].append(_Seen(episode, seen.vocabulary, seen.context))
     progress("recognising", len(stretches), len(stretches))
-    return [action for parts in movements if (action := _action(parts)) is not None]
+    return [action for parts in movements if (action := _action(recording, parts)) is not None]
 
 
 @dataclass(frozen=True)
@@ -93,26 +93,29 @@ class _Seen:
         return list(pairwise(frames))
 
 
-def _agreeing(recording: Recording, episode: Episode, seen: Recognized) -> Floats:
-    """Probabilities (w, k) of labels, without those that move a box which by its poses rests while the other moves."""
+def _agreeing(recording: Recording, parts: Sequence[_Seen]) -> Floats:
+    """Probabilities (w, k) of labels in the windows of a movement, without those that move a box which by its poses
+    rests while the other moves.
+    """
+    probable = np.concatenate([part.probable for part in parts])
     if recording.tracks is None:
-        return seen.context
-    place = episode.places(recording.tracks)
+        return probable
+    place = np.concatenate([part.episode.places(recording.tracks) for part in parts], axis=1)
     farthest = np.linalg.norm(place - place[:, :1], axis=-1).max(axis=1)
     rests = (farthest < _REST_M) & (farthest[::-1] > _GONE_M)
-    mover = movers(seen.vocabulary)
+    mover = movers(parts[0].vocabulary)
     impossible = (mover > 0) & rests[np.maximum(mover, 1) - 1]
     if impossible.all():
-        return seen.context
-    left = np.where(impossible, 0.0, seen.context + np.finfo(float).tiny)
+        return probable
+    left = np.where(impossible, 0.0, probable + np.finfo(float).tiny)
     return left / left.sum(axis=1, keepdims=True)
 
 
-def _action(parts: Sequence[_Seen]) -> Action | None:
+def _action(recording: Recording, parts: Sequence[_Seen]) -> Action | None:
     """What a movement shows: one action, from the first window to the last in which anything is done, whose label is
     the one with a locative if any window says it; None if nothing is done.
     """
-    probable = np.concatenate([part.probable for part in parts])
+    probable = _agreeing(recording, parts)
     labels = of_one_action(parts[0].vocabulary, probable)
     sure = np.take_along_axis(probable, labels[:, None], axis=1)[:, 0]
     edges = [edge for part in parts for edge in part.edges()]

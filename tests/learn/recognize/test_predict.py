@@ -114,3 +114,19 @@ def test_a_box_that_rests_by_its_poses_is_not_the_one_that_is_moved(moving: int,
     known = replace(recording(points), tracks=tracks, moves=((100, 130),))
     found = recognize(known, Says([1]))
     assert [action.words[1] for action in found] == ([] if said is None else ["Object_1"])
+
+
+def test_a_box_that_rests_in_the_last_part_of_its_movement_is_still_the_one_that_moves() -> None:
+    """There the other box drifts by more than a box that rests may."""
+    points = long((100, 150), n=300)
+    points[150:180, 13:17] = np.nan
+    tracks = np.zeros((2, 300, 3))
+    tracks[0, :, 0] = 0.3 * np.clip((np.arange(300) - 100) / 50, 0, 1)
+    tracks[1, :, 0] = 0.05 * np.clip((np.arange(300) - 185) / 30, 0, 1)
+    known = replace(recording(points), tracks=tracks, moves=((100, 215),))
+    says = Says([1])
+    (found,) = recognize(known, says)
+    assert len(says.seen) == 2
+    assert found.words == PUSH
+    assert found.end > 190
+    assert found.confidence > 0.7
