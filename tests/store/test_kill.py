@@ -7,6 +7,7 @@ import random
 import shutil
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -28,10 +29,17 @@ KILLS = int(os.environ.get("ECAT_TEST_KILLS", "60"))
 """How many processes are killed at random instants; more find rarer faults."""
 
 
+def pid_of(answers: Iterator[str]) -> int:
+    """The process that writes, which says so before anything else."""
+    word, pid = next(answers).split()
+    assert word == "pid", "another process would be killed"
+    return int(pid)
+
+
 def kill_after(writers: Writers, chance: random.Random, *words: object) -> list[int]:
     """Let a process write, kill it soon after, and return the numbers that it had acknowledged."""
     answers = writers.start("loop", *words)
-    pid = int(next(answers).split()[1])
+    pid = pid_of(answers)
     lines = [next(answers).split() for _ in range(chance.randrange(3))]
     time.sleep(chance.uniform(0.0, 0.03))
     os.kill(pid, signal.SIGKILL)
@@ -156,7 +164,7 @@ def test_two_processes_lose_no_update(session: Session, writers: Writers) -> Non
 
 def test_a_reader_beside_a_writer_never_sees_a_mix(session: Session, writers: Writers) -> None:
     answers = writers.start("loop", "commit", session.path)
-    pid = int(next(answers).split()[1])
+    pid = pid_of(answers)
     seen: set[int] = set()
     try:
         deadline = time.monotonic() + 1.5

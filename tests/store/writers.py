@@ -133,11 +133,11 @@ def answer(command: str, arguments: list[str]) -> None:
         action = ACTIONS[arguments[0]]
 
         def forever() -> None:
+            say(f"pid {os.getpid()}")  # the child itself, so that no other answer comes before
             while True:
                 say(f"ack {action(path)}")
 
         pids = [child(forever)]
-        say(f"pid {pids[0]}")
     else:
         times = int(arguments[0])
         pids = [child(lambda: say(f"done {add(path, times)}")) for _ in range(2)]
