@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import settings
 # a slow disk or a busy machine is no fault of what is tested
 settings.register_profile("ecat", deadline=None)
 settings.load_profile("ecat")
+# a shell starts what it puts in the background deaf to Ctrl-C, and so would be all programs that tests interrupt
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
