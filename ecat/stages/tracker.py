@@ -52,7 +52,7 @@ class TrackParameters:
     prototypes : the boxes that are looked for.
     objects : the object that each of them is; by default as :func:`object_ids` names it.
     every : the whole image is searched every so many frames.  What changes is searched anyway; this is for what appears
-        so faintly that no tile changes, which is missed for a second at most.
+        so faintly that no tile changes, which is missed for that long at most.
     together : so many frames are measured at once, and the last of them searched where something changed; what is found
         there is followed back.  A face that comes and goes in fewer, where none was seen before, can be missed.
     changed : grey levels by which the mean of a tile changes when something happens in it.
@@ -66,8 +66,8 @@ class TrackParameters:
     prototypes: tuple[BoxPrototype, ...] = NOMINAL_BOXES
     objects: tuple[str, ...] = ()
     evidence: Evidence = field(default_factory=Evidence)
-    every: int = 30
-    together: int = 6
+    every: int = 35
+    together: int = 7
     changed: int = 8
     reach_px: float = 4.0
     sightings: int = 5
