@@ -94,6 +94,13 @@ def _all(tasks: Sequence[Task], workers: Workers, progress: Progress) -> Generat
             keep(outcome)
             yield outcome
         return
+    for place in (tasks[0].session, str(tasks[0].parts)):
+        if remote.is_own_memory(place):
+            raise UsageError(
+                "cannot write several sessions at once",
+                where=f"{place}: what is at memory:// is in the process that put it there, and no other sees it",
+                fix="--jobs 1, or a URL that every process can reach",
+            )
     yield from workers.run(_outcome, tasks, died=_died, keep=keep)
     workers.end()
 

@@ -11,6 +11,7 @@ from ecat.cli.output import Output
 from ecat.cli.spread import spread_options
 from ecat.cli.transfer import Place, keep_apart, named_values, tell
 from ecat.cli.verb import verb
+from ecat.errors import UsageError
 
 if TYPE_CHECKING:
     from ecat.batch import Engine
@@ -58,8 +59,15 @@ def command(
     without `--shard` joins them.
     """
     from ecat import batch
+    from ecat.store import remote
 
     keep_apart(path, dest)
+    if remote.is_own_memory(dest):
+        raise UsageError(
+            f"cannot write {dest}",
+            where="what is at memory:// is gone when the command ends",
+            fix="s3://bucket/folder, or a folder here",
+        )
     share = None if shard is None else batch.parse_shard(shard)
     with out.progress() as progress:
         report = batch.export_sessions(

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import json
+import math
 import sys
+from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from ecat.cli.output import Output
-from ecat.cli.text import columns, count
+from ecat.cli.text import cell, columns, count
 from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 from ecat.errors import UsageError
 
 if TYPE_CHECKING:
     from ecat.query import Answer, TableHelp
-
-_WIDEST = 60
 
 
 @verb(
@@ -110,10 +109,21 @@ def _print(out: Output, answer: Answer, most: int) -> None:
     text = columns(lines) if names else ""
     if more:
         text += "\n... there are more rows: --rows prints more, --to FILE writes all"
-    out.result({"rows": json.loads(json.dumps(rows, default=str)), "more": more}, text)
+    out.result({"rows": _jsonable(rows), "more": more}, text)
+
+
+def _jsonable(value: Any) -> Any:
+    """A value as JSON can have it: null for what is no number, numbers for decimals, a text for what else there is."""
+    if isinstance(value, dict):
+        return {str(key): _jsonable(inner) for key, inner in cast("dict[Any, Any]", value).items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(inner) for inner in cast("list[Any]", value)]
+    if isinstance(value, Decimal):
+        return int(value) if value == value.to_integral_value() else float(value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)
 
 
 def _cell(value: Any) -> str:
-    text = "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
-    text = " ".join(text.split())
-    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
+    return cell("" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ecat.cli.output import Output
-from ecat.cli.text import columns, count, duration
+from ecat.cli.text import cell, columns, count, duration
 from ecat.cli.transfer import Place
 from ecat.cli.verb import verb
 
@@ -84,5 +84,9 @@ def _cell(name: str, value: Any) -> str:
     if value is None:
         return "-"
     return (
-        f"{value:,}" if isinstance(value, int) else f"{value:g}" if isinstance(value, float) else str(value)
+        f"{value:,}"
+        if isinstance(value, int)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else cell(str(value))
     )

@@ -9,6 +9,9 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
+_WIDEST = 60
+"""Characters of a cell."""
+
 
 def columns(rows: Sequence[Sequence[str]], *, indent: int = 0) -> str:
     """``rows`` of text in aligned columns two spaces apart; a column of nothing but numbers aligns right."""
@@ -21,6 +24,12 @@ def _align(cells: list[str]) -> list[str]:
     width = max(map(len, cells))
     numeric = all(cell.replace(",", "").replace(".", "").isdigit() for cell in cells if cell)
     return [cell.rjust(width) if numeric else cell.ljust(width) for cell in cells]
+
+
+def cell(text: str) -> str:
+    """A text for a column of a table: on one line, its end left out where it is long."""
+    text = " ".join(text.split())
+    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
 
 
 def duration(seconds: float) -> str:

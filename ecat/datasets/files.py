@@ -11,10 +11,11 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from ecat.errors import CorruptError, NotFoundError
+from ecat.errors import CorruptError, NotFoundError, UsageError
 from ecat.formats.datasets.arrays import mapped
 from ecat.formats.datasets.images import decode_image
 from ecat.formats.datasets.torch_format import ABOUT, EPISODES, MATRICES, ROWS, VERSION
+from ecat.store import remote
 
 _MOST_BYTES = 16 << 20
 
@@ -82,14 +83,22 @@ class Stored:
         return self.image(stream, int(filled[0])).shape if len(filled) else (3, 1, 1)  # type: ignore[return-value]
 
 
-def open_stored(folder: Path) -> Stored:
-    """The data set in ``folder``.
+def open_stored(place: Path | str) -> Stored:
+    """The data set in the folder ``place``.
 
     Raises
     ------
+    UsageError : it is a URL.
     NotFoundError : there is none.
     CorruptError : it is damaged, or of a later version.
     """
+    if remote.is_url(place):
+        raise UsageError(
+            f"cannot open {place}",
+            where="a data set is mapped into memory, which only files of this machine can be",
+            fix="copy it to a folder here, and open that",
+        )
+    folder = Path(place)
     if not (folder / ABOUT).is_file():
         raise NotFoundError(
             f"cannot open {folder}",

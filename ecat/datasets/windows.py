@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -45,6 +45,9 @@ class Windows(Dataset[Sample]):
     ``images.<stream>`` (L or 1, 3, H, W) uint8, red, green, blue; only of streams that were asked for
     ==================  ==============================================================================
 
+    Images are as large as they were exported.  Where sessions had cameras of different shapes, batches need a
+    ``transform`` that makes them equal, or a ``where`` that keeps those of one camera.
+
     Parameters
     ----------
     folder : the data set. length, stride : in moments.
@@ -57,7 +60,7 @@ class Windows(Dataset[Sample]):
     Raises
     ------
     NotFoundError, CorruptError : there is no such data set, or it is damaged.
-    UsageError : a stream that is not in it; a length or stride below one.
+    UsageError : a URL; a stream that is not in it; a length or stride that is no whole number from one on.
     """
 
     def __init__(
@@ -72,7 +75,7 @@ class Windows(Dataset[Sample]):
         where: Callable[[dict[str, Any]], bool] | None = None,
         transform: Callable[[Sample], Sample] | None = None,
     ) -> None:
-        self._stored: Stored = open_stored(Path(folder))
+        self._stored: Stored = open_stored(folder)
         _require(self._stored, images, length=length, stride=stride, short=short, frames=frames)
         self.length, self.stride = length, stride
         self._images, self._all_frames = tuple(images), frames == "all"
@@ -150,18 +153,23 @@ def _filled(values: NDArray[Any], missing: int) -> NDArray[Any]:
     return np.concatenate([values, np.repeat(values[-1:], missing, axis=0)]) if missing else values
 
 
+def _is_count(number: object) -> bool:
+    """Any whole number from one on, NumPy's too."""
+    return isinstance(number, SupportsIndex) and number.__index__() >= 1
+
+
 def _require(
     stored: Stored, images: Sequence[str], *, length: int, stride: int, short: str, frames: str
 ) -> None:
     known = stored.about["streams"]
+    unknown = [] if isinstance(images, str) else [name for name in images if name not in known]
     faults = {
-        f"length is {length}, expected at least 1": length < 1,
-        f"stride is {stride}, expected at least 1": stride < 1,
+        f"length is {length!r}, expected a whole number, at least 1": not _is_count(length),
+        f"stride is {stride!r}, expected a whole number, at least 1": not _is_count(stride),
         f"short is {short!r}, expected 'drop' or 'pad'": short not in {"drop", "pad"},
         f"frames is {frames!r}, expected 'last' or 'all'": frames not in {"last", "all"},
-        f"images names {', '.join(set(images) - set(known))}; there are: {', '.join(known) or 'none'}": not (
-            set(images) <= set(known)
-        ),
+        f"images is {images!r}, expected a list of names": isinstance(images, str),
+        f"images names {', '.join(unknown)}; there are: {', '.join(known) or 'none'}": bool(unknown),
     }
     if found := [fault for fault, there in faults.items() if there]:
         raise UsageError(

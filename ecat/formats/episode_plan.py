@@ -89,7 +89,7 @@ class Plan:
         if self._options.episodes == "session":
             return [_Span(None, int(self.frame_ns[0]), int(self.frame_ns[-1]) + step)]
         spans: list[_Span] = []
-        odd: list[str] = []
+        odd = [f"event {event.id}: it has no time" for event in self._wanted() if not event.segments]
         wanted, proposed = self._events()
         for event in wanted:
             start, end = self._interval(event, step)
@@ -111,20 +111,23 @@ class Plan:
             spans, key=lambda span: (span.start_ns, span.end_ns, span.event.id if span.event else "")
         )
 
-    def _events(self) -> tuple[list[Event], int]:
-        """The events that become episodes, and how many others are only proposed."""
+    def _wanted(self) -> list[Event]:
+        """The events that the options choose, also those without a time."""
         tier, kind = self._options.tier, self._options.type
         known = {event.id for event in self.layer.events}
-        chosen = [
+        return [
             event
             for event in self.layer.events
-            if event.segments
-            and (not tier or event.tier == tier)
+            if (not tier or event.tier == tier)
             and (not kind or event.type == kind)
             and (tier or kind or event.parent not in known)
         ]
-        counts = [e for e in chosen if e.status == "confirmed" or self.layer.name == MACHINE]
-        return counts, len(chosen) - len(counts)
+
+    def _events(self) -> tuple[list[Event], int]:
+        """The events that become episodes, and how many others are only proposed."""
+        timed = [event for event in self._wanted() if event.segments]
+        counts = [e for e in timed if e.status == "confirmed" or self.layer.name == MACHINE]
+        return counts, len(timed) - len(counts)
 
     def _interval(self, event: Event, step: int) -> tuple[int, int]:
         starts = [

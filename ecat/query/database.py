@@ -8,12 +8,14 @@ and which goes with the database: there is no other way from SQL to the disk, an
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.dataset as ds
@@ -43,8 +45,13 @@ SESSIONS = TableSchema(
         Column("tables", pa.list_(pa.string()), "tables that it has"),
     ),
 )
+_T = TypeVar("_T")
 _DISK = fs.LocalFileSystem()
 _ROWS_AT_ONCE = 1 << 14
+_MEMORY = "2GB"
+"""What DuckDB may take before it puts things by on the disk; otherwise it takes most of what the machine has."""
+_QUESTIONS = ("SELECT", "EXPLAIN", "MULTI")
+"""Statements that only ask; MULTI is what DuckDB makes of a PIVOT."""
 _LOCKED = (
     "SET enable_external_access = false",
     "SET python_enable_replacements = false",
@@ -82,30 +89,58 @@ class Database:
     """
 
     def __init__(
-        self, path: Path, connection: DuckDBPyConnection, failures: Sequence[tuple[Path, EcatError]]
+        self,
+        path: Path,
+        connection: DuckDBPyConnection,
+        worker: Executor,
+        failures: Sequence[tuple[Path, EcatError]],
     ) -> None:
         self._path = path
         self._connection = connection
+        self._worker = worker
         self.failures = tuple(failures)
 
     def ask(self, question: str) -> Answer:
         """Ask a question in SQL; the answer before it cannot be read on.
 
+        Columns of the answer that have the same name get numbers: ``session``, ``session_1``.
+
         Raises
         ------
-        UsageError : what DuckDB says to the question; nothing is written whatever it says.
+        UsageError : not one question; or what DuckDB says to it.  Nothing is written whatever it says.
         CorruptError : a table cannot be read, here or while the answer is.
         """
         with _typed(self._path):
-            reader: Any = self._connection.sql(question)
-            if reader is None:
-                raise UsageError(
-                    "cannot answer this question",
-                    where="it is not one: a SELECT was expected",
-                    fix=f"ecat query {self._path} 'select * from sessions'",  # noqa: S608  (a hint)
-                )
-            rows = reader.to_arrow_reader(_ROWS_AT_ONCE)
-        return Answer(schema=rows.schema, batches=_read(self._path, rows))
+            self._require_one(question)
+            rows = self._interruptibly(lambda: self._connection.sql(question).to_arrow_reader(_ROWS_AT_ONCE))
+        names = _unlike(rows.schema.names)
+        schema = pa.schema([field.with_name(name) for field, name in zip(rows.schema, names, strict=True)])
+        return Answer(schema=schema, batches=self._read(rows, schema))
+
+    def _require_one(self, question: str) -> None:
+        kinds = [statement.type.name for statement in self._connection.extract_statements(question)]
+        if len(kinds) == 1 and kinds[0] in _QUESTIONS:
+            return
+        found = kinds[0] if len(kinds) == 1 else f"{len(kinds)} statements" if kinds else "nothing"
+        raise UsageError(
+            "cannot answer this question",
+            where=f"expected one SELECT, found {found}",
+            fix=f"ecat query {self._path} 'select * from sessions'",  # noqa: S608  (a hint)
+        )
+
+    def _read(self, rows: pa.RecordBatchReader, schema: pa.Schema) -> Iterator[pa.RecordBatch]:
+        with _typed(self._path):
+            while (batch := self._interruptibly(lambda: next(rows, None))) is not None:
+                yield batch.rename_columns(schema.names)
+
+    def _interruptibly(self, step: Callable[[], _T]) -> _T:
+        """Do ``step`` in another thread: while DuckDB is at work, it hears of no signal."""
+        waiting = self._worker.submit(step)
+        try:
+            return waiting.result()
+        finally:
+            if not waiting.done():
+                self._connection.interrupt()
 
 
 @contextmanager
@@ -122,14 +157,15 @@ def open_database(path: Path, *, progress: Progress = silent) -> Generator[Datab
     with (
         # by default it is .tmp of the working folder, and the only place that SQL may write to
         TemporaryDirectory(prefix="ecat-", ignore_cleanup_errors=True) as scratch,
-        duckdb.connect(":memory:", config={"temp_directory": scratch}) as connection,
+        duckdb.connect(":memory:", config={"temp_directory": scratch, "memory_limit": _MEMORY}) as connection,
+        ThreadPoolExecutor(1) as worker,
     ):
         connection.register(SESSIONS.name, _sessions(sessions))
         for name, data in _tables(sessions).items():
             connection.register(name, data)
         for setting in _LOCKED:
             connection.execute(setting)
-        yield Database(path, connection, failures)
+        yield Database(path, connection, worker, failures)
 
 
 def tables_at(path: Path) -> list[TableHelp]:
@@ -229,9 +265,13 @@ def _plain(field: Any) -> Any:
     return pa.field(field.name, kind.value_type if pa.types.is_dictionary(kind) else kind)
 
 
-def _read(path: Path, rows: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
-    with _typed(path):
-        yield from rows
+def _unlike(names: Sequence[str]) -> list[str]:
+    """The names, with a number behind those that are there already."""
+    found: list[str] = []
+    for name in names:
+        numbered = (f"{name}_{n}" for n in count(1))
+        found.append(name if name not in found else next(n for n in numbered if n not in (*found, *names)))
+    return found
 
 
 @contextmanager

@@ -23,7 +23,7 @@ def write_answer(answer: Answer, dest: Path) -> int:
 
     Raises
     ------
-    UsageError : a name that says neither; or columns of lists, which CSV cannot hold.
+    UsageError : a name that says neither; or columns that such a file cannot hold, as lists in CSV.
     ExistsError : ``dest`` is taken.
     """
     if dest.suffix.lower() not in SUFFIXES:
@@ -33,10 +33,17 @@ def write_answer(answer: Answer, dest: Path) -> int:
             fix=f"--to {dest.stem or 'answer'}.parquet",
         )
     n_rows = 0
-    with staged_file(dest) as staging, _writer(staging, dest, answer.schema) as writer:
-        for batch in answer.batches:
-            writer.write_batch(batch)
-            n_rows += batch.num_rows
+    try:
+        with staged_file(dest) as staging, _writer(staging, dest, answer.schema) as writer:
+            for batch in answer.batches:
+                writer.write_batch(batch)
+                n_rows += batch.num_rows
+    except pa.ArrowException as error:
+        raise UsageError(
+            f"cannot write the answer to {dest.name}",
+            where=str(error),
+            fix="cast(... as varchar) in the question makes a text of what such a file cannot hold",
+        ) from None
     return n_rows
 
 

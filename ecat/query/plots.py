@@ -16,6 +16,8 @@ SUFFIXES = (".png", ".svg", ".pdf")
 _MOST = 30
 """Bars in one plot; what is rarer is left to the table."""
 _INCHES_A_BAR = 0.28
+_WIDEST = 40
+"""Characters of a label."""
 _COLORS = {"observed": "#3b6fb6", "interpolated": "#9dc0e6", "not_known": "#d9d9d9"}
 
 
@@ -63,13 +65,19 @@ def _figure(plots: list[Any], title: str) -> Any:
         ) from None
     heights = [1.1 + _INCHES_A_BAR * plot.bars for plot in plots] or [1.0]
     figure = Figure(figsize=(8, sum(heights) + 0.6), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(_plain(title))
     if plots:
         grid = figure.subplots(len(plots), 1, squeeze=False, height_ratios=heights)
         for plot, axes in zip(plots, grid[:, 0], strict=True):
             plot.draw(axes)
             axes.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def _plain(name: str) -> str:
+    """A name as a label: on one line, not longer than there is room, and never a formula."""
+    line = " ".join(name.split())
+    return (line if len(line) <= _WIDEST else f"{line[: _WIDEST - 1]}…").replace("$", r"\$")
 
 
 def _of_people(rows: Rows) -> Rows:
@@ -101,8 +109,8 @@ class _Counts:
         self.bars = len(counts)
 
     def draw(self, axes: Any) -> None:
-        names, numbers = list(self._counts), list(self._counts.values())
-        bars = axes.barh(names, numbers, color=_COLORS["observed"])
+        bars = axes.barh(range(self.bars), list(self._counts.values()), color=_COLORS["observed"])
+        axes.set_yticks(range(self.bars), map(_plain, self._counts))
         axes.bar_label(bars, padding=3, fmt="{:,.0f}")
         axes.invert_yaxis()
         axes.margins(x=0.1)
@@ -122,7 +130,7 @@ class _Lengths:
             height = row + spread.uniform(-0.25, 0.25, len(seconds))
             axes.plot(seconds, height, ".", color=_COLORS["observed"], alpha=0.5, markeredgewidth=0)
             axes.plot([np.median(seconds)] * 2, [row - 0.35, row + 0.35], color="black", linewidth=1.5)
-        axes.set_yticks(range(self.bars), list(self._lengths))
+        axes.set_yticks(range(self.bars), map(_plain, self._lengths))
         axes.invert_yaxis()
         axes.set_xlim(left=0)
         axes.set_xlabel("seconds (line: median)")
@@ -137,11 +145,12 @@ class _Places:
         self.bars = len(rows)
 
     def draw(self, axes: Any) -> None:
-        names, left = [row["object"] for row in self._rows], np.zeros(self.bars)
+        left = np.zeros(self.bars)
         for part, color in _COLORS.items():
             share = np.array([row[part] for row in self._rows], float) * 100
-            axes.barh(names, share, left=left, color=color, label=part.replace("_", " "))
+            axes.barh(range(self.bars), share, left=left, color=color, label=part.replace("_", " "))
             left += share
+        axes.set_yticks(range(self.bars), [_plain(row["object"]) for row in self._rows])
         axes.invert_yaxis()
         axes.set_xlabel("% of frames")
         axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)

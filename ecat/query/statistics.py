@@ -19,7 +19,7 @@ Rows = list[dict[str, Any]]
 
 QUESTIONS: Mapping[str, str] = {
     "sessions": """
-        select count(*) as sessions, sum(frames) as frames, round(sum(duration_s), 3) as duration_s,
+        select count(*) as sessions, sum(frames)::bigint as frames, round(sum(duration_s), 3) as duration_s,
                count(*) filter (duration_s is null) as without_clock,
                count(*) filter (len(layers) = 0) as not_annotated
         from sessions""",
@@ -36,7 +36,7 @@ QUESTIONS: Mapping[str, str] = {
         select layer, type, round((end_ns - start_ns) / 1e9, 3) as seconds from events
         where parent is null and end_ns is not null order by layer, type, seconds limit 100000""",
     "annotated": """
-        select layer, count(distinct session) as sessions, sum(end_frame - start_frame) as frames,
+        select layer, count(distinct session) as sessions, sum(end_frame - start_frame)::bigint as frames,
                round(sum(end_frame - start_frame) / (select sum(frames) from sessions), 4) as share
         from (
             -- stretches that overlap are counted once

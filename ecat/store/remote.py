@@ -21,10 +21,13 @@ from ecat.errors import (
     MissingExtraError,
     NotFoundError,
     StaleError,
+    UsageError,
 )
 from ecat.model import Manifest
 from ecat.store import files
 from ecat.store.manifest import MAX_BYTES, SESSION_FILE, journal_file, parse_manifest
+
+_WITHOUT_BUCKETS = ("file", "local", "memory")
 
 
 def is_url(place: Path | str) -> bool:
@@ -34,7 +37,15 @@ def is_url(place: Path | str) -> bool:
 
 def place_of(text: Path | str) -> Path | str:
     """A URL as it is, anything else as a path."""
-    return str(text).rstrip("/") if is_url(text) else Path(text)
+    if not is_url(text):
+        return Path(text)
+    protocol, _, place = str(text).partition("://")
+    return f"{protocol}://{place.rstrip('/')}"
+
+
+def is_own_memory(place: Path | str) -> bool:
+    """Whether ``place`` is a URL of what fsspec holds in the memory of this process, where no other sees it."""
+    return is_url(place) and str(place).startswith("memory://")
 
 
 def find_sessions(url: str) -> list[str]:
@@ -45,10 +56,13 @@ def find_sessions(url: str) -> list[str]:
     NotFoundError : there is none, or nothing at all.
     MissingExtraError, DiskError : the URL cannot be read.
     """
+    url = str(place_of(url))
     with _typed(f"cannot find sessions at {url}", url):
         system, root = open_url(url)
         found = system.find(root) if system.exists(root) else []
-    folders = sorted(str(PurePosixPath(name).parent) for name in found if name.endswith(f"/{SESSION_FILE}"))
+    # no paths: of http://host they would make http:/host
+    manifests = (name for name in found if name.endswith(f"/{SESSION_FILE}") and name != root)
+    folders = sorted(name.rpartition("/")[0] for name in manifests)
     outer = [f for i, f in enumerate(folders) if i == 0 or not f.startswith(f"{folders[i - 1]}/")]
     if not outer:
         raise NotFoundError(
@@ -164,8 +178,15 @@ def refuse_taken(url: str) -> None:
     Raises
     ------
     ExistsError : there is something.
+    UsageError : nothing can be written there.
     """
-    with _typed(f"cannot write {url}", url):
+    if url.startswith(("http://", "https://")):
+        raise UsageError(
+            f"cannot write {url}",
+            where="from http:// and https:// sessions can be read, but nothing can be written there",
+            fix="s3://bucket/folder, or a folder here",
+        )
+    with _typed(f"cannot write {url}", url, "nothing was written"):
         system, root = open_url(url)
         _require_bucket(system, root)
         taken = system.exists(root)
@@ -239,6 +260,11 @@ def _forget(system: Any, root: str) -> None:
 
 def open_url(url: str) -> tuple[Any, str]:
     """The file system of a URL, and the path in it; nothing is remembered of what is there."""
+    protocol, _, place = url.partition("://")
+    if protocol not in _WITHOUT_BUCKETS and place[:1] in ("", "/"):
+        raise NotFoundError(
+            f"cannot use {url}", where="it names no bucket", fix="s3://bucket/folder, or a path"
+        )
     try:
         from fsspec.core import url_to_fs  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:

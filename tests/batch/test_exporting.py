@@ -177,3 +177,16 @@ def test_sessions_and_destination_may_be_urls(
     with pytest.raises(UsageError, match="from folder to folder"):
         export_sessions(f"{lab}/project", tmp_path / "x", format="ecat-2018")
     remote.remove(lab)
+
+
+def test_what_one_process_holds_in_its_memory_is_not_for_several(project: Path, tmp_path: Path) -> None:
+    pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'ecat[remote]'")
+    lab = f"memory://lab/{tmp_path.name}"
+    remote.send(project, f"{lab}/project")
+    for path, dest in ((project, f"{lab}/out"), (f"{lab}/project", tmp_path / "out")):
+        with pytest.raises(UsageError, match="no other sees it") as caught:
+            export_sessions(path, dest, format=FORMAT, jobs=2)
+        assert "--jobs 1" in caught.value.fix
+    assert list(tmp_path.iterdir()) == []
+    assert remote.read(f"{lab}/out") is None
+    remote.remove(lab)

@@ -109,3 +109,10 @@ def test_a_store_that_does_not_answer_is_said(
         assert "the network" in caught.value.fix
     s3fs.S3FileSystem.clear_instance_cache()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_memory_of_a_command_is_no_place_to_write_to(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ecat("export", project, "memory://lab/out", "--format", "csv") == 2
+    assert "gone when the command ends" in capsys.readouterr().err

@@ -38,6 +38,14 @@ def test_all_rows_go_to_a_file(ecat: Ecat, session: Path, tmp_path: Path) -> Non
     assert (tmp_path / "n.csv").read_text().splitlines()[0] == '"type","n"'
 
 
+def test_json_has_numbers_where_there_are_some(ecat: Ecat, session: Path) -> None:
+    numbers = "sum(n) a, 'nan'::double b, [1.5::double, '-inf'] c, 2.5::decimal(3,1) d"
+    question = f"select {numbers}, uuid() e from range(3) t(n)"
+    [row] = ecat("query", session, question, "--json").json["rows"]
+    assert isinstance(row.pop("e"), str)
+    assert row == {"a": 3, "b": None, "c": [1.5, None], "d": 2.5}
+
+
 def test_the_question_may_come_from_the_input(
     ecat: Ecat, session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,6 +74,8 @@ def test_the_statistics_say_what_is_there(ecat: Ecat, session: Path, tmp_path: P
     assert "slide_next" in found.out
     data = ecat("stats", session, "--json").json
     assert data["sessions"][0]["sessions"] == 1
+    assert isinstance(data["sessions"][0]["frames"], int)
+    assert isinstance(data["annotated"][0]["frames"], int)
     assert data["agreement"] == []
 
 

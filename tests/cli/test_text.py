@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ecat.cli.text import columns, count, duration, listing, shell
+from ecat.cli.text import cell, columns, count, duration, listing, shell
 
 
 def test_columns_are_aligned_and_numbers_to_the_right() -> None:
@@ -21,6 +21,12 @@ def test_columns_of_mixed_content_align_left() -> None:
 
 def test_empty_columns_take_no_space() -> None:
     assert columns([["a", "", "x"], ["b", "", "y"]]) == "a  x\nb  y"
+
+
+def test_a_cell_is_one_line_and_not_long() -> None:
+    assert cell("a\nb\t c") == "a b c"
+    assert cell("x" * 60) == "x" * 60
+    assert cell("x" * 61) == "x" * 59 + "…"
 
 
 def test_no_rows_are_no_text() -> None:

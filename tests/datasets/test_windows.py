@@ -31,7 +31,7 @@ def export(place: Path, **options: str) -> Path:
     return dest
 
 
-def windows(folder: Path, **more: Any) -> Any:
+def windows(folder: Path | str, **more: Any) -> Any:
     from ecat.datasets import Windows
 
     return Windows(folder, **more)
@@ -153,6 +153,24 @@ def test_a_folder_that_is_none_or_a_wish_that_cannot_be_says_what_to_do(folder: 
     with pytest.raises(UsageError) as wrong:
         windows(folder, length=0, stride=0, short="x", images=["depth"], frames="some")
     assert len(wrong.value.where.split("\n")) == 5
+
+
+@pytest.mark.parametrize("wish", [{"length": 2.5}, {"length": "3"}, {"stride": 1.0}, {"stride": None}])
+def test_lengths_are_whole_numbers(folder: Path, wish: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="expected a whole number"):
+        windows(folder, **wish)
+    assert len(windows(folder, length=np.int64(10), stride=np.int32(5))) == 4
+
+
+def test_a_url_is_refused_as_one() -> None:
+    with pytest.raises(UsageError, match="cannot open s3://lab/data") as caught:
+        windows("s3://lab/data")
+    assert "copy it" in caught.value.fix
+
+
+def test_one_stream_is_a_list_of_one(folder: Path) -> None:
+    with pytest.raises(UsageError, match="images is 'color', expected a list of names"):
+        windows(folder, images="color")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,9 @@ import pytest
 from ecat.errors import EcatError, InputError, NotFoundError, UsageError
 from ecat.formats.episode_plan import Plan
 from ecat.formats.episodes import Episode, EpisodeOptions, clock_method, episodes_of, left_behind
+from ecat.model import Event
 from ecat.store import Session, open_session
+from tests.formats.interchange.layers import Holding
 from tests.formats.lerobot.recordings import NS, Action, Recording, make, pose
 
 
@@ -194,6 +196,15 @@ def test_an_event_without_a_moment_is_left_out_and_it_is_said(tmp_path: Path) ->
     plan = Plan(make(tmp_path, Recording(actions=actions)), "label", EpisodeOptions())
     assert len(plan) == 1
     assert plan.findings == ("event a1: there is no moment in it",)
+
+
+def test_an_event_without_a_time_is_left_out_and_it_is_said(tmp_path: Path) -> None:
+    session = make(tmp_path, Recording())
+    layer = session.layer()
+    whole = replace(layer, events=(*layer.events, Event(id="whole", type="session")))
+    plan = Plan(Holding(session, whole), "label", EpisodeOptions())
+    assert len(plan) == 1
+    assert plan.findings == ("event whole: it has no time",)
 
 
 def test_of_layers_the_agreed_one_counts_then_main_then_the_first_persons(tmp_path: Path) -> None:

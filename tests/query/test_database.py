@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
 from pathlib import Path
 
 import pyarrow as pa
@@ -120,10 +123,57 @@ def test_what_is_too_much_for_the_memory_leaves_no_trace(
     with open_database(project) as database:
         asked = "select value from duckdb_settings() where name = 'temp_directory'"
         [place] = (Path(str(row["value"])) for row in database.ask(asked).rows())
-        database.ask(f"copy (select 1) to '{place}/out.csv'")
-        assert place.is_dir()
+        with pytest.raises(UsageError, match="expected one SELECT, found COPY"):
+            database.ask(f"copy (select 1) to '{place}/out.csv'")
+        assert list(place.iterdir()) == []
     assert not place.exists()
     assert [path.name for path in tmp_path.rglob("*")] == [".tmp"]
+
+
+@pytest.mark.parametrize(
+    ("question", "found"),
+    [
+        ("select 1; select 2", "2 statements"),
+        ("select 1; drop view poses", "2 statements"),
+        ("create table t (a int)", "CREATE"),
+        ("begin", "TRANSACTION"),
+        ("prepare p as select 1", "PREPARE"),
+        ("pragma enable_profiling", "PRAGMA"),
+        ("checkpoint", "CALL"),
+        ("-- nothing", "nothing"),
+    ],
+)
+def test_a_question_is_one_and_only_asks(project: Path, question: str, found: str) -> None:
+    with pytest.raises(UsageError, match=f"expected one SELECT, found {found}"):
+        rows(project, question)
+
+
+@pytest.mark.parametrize(
+    "question", ["from sessions", "describe poses", "show tables", "pivot sessions on name using sum(frames)"]
+)
+def test_a_question_may_be_put_in_any_way_that_duckdb_knows(project: Path, question: str) -> None:
+    assert rows(project, question)
+
+
+def test_columns_of_the_same_name_are_told_apart(project: Path) -> None:
+    [row] = rows(project, "select 1 as a, 2 as a, 3 as a_1, 4 as a")
+    assert row == {"a": 1, "a_2": 2, "a_1": 3, "a_3": 4}
+
+
+def test_the_memory_of_a_question_is_bounded(project: Path) -> None:
+    asked = "select value from duckdb_settings() where name = 'memory_limit'"
+    assert rows(project, asked) == [{"value": "1.8 GiB"}]
+
+
+def test_a_long_question_can_be_interrupted(project: Path) -> None:
+    """DuckDB itself goes on until it has the next rows, however long that takes."""
+    here = threading.get_ident()
+    alarm = threading.Timer(1, lambda: signal.pthread_kill(here, signal.SIGINT))
+    started = time.monotonic()
+    with open_database(project) as database, pytest.raises(KeyboardInterrupt):  # noqa: PT012
+        alarm.start()
+        database.ask("select sum(sqrt(a.range + b.range)) from range(10000000) a, range(10000000) b").rows()
+    assert time.monotonic() - started < 30
 
 
 def test_a_mistake_is_explained_and_the_tables_are_named(project: Path) -> None:

@@ -38,6 +38,15 @@ def test_csv_has_no_lists_and_other_names_say_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+def test_what_a_file_cannot_hold_is_said(tmp_path: Path, name: str) -> None:
+    spans = pa.array([None], pa.month_day_nano_interval())
+    with pytest.raises(UsageError, match="cannot write the answer") as caught:
+        write_answer(answer(pa.table({"span": spans})), tmp_path / name)
+    assert "cast" in caught.value.fix
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "out.csv").write_text("precious")
     with pytest.raises(ExistsError):

@@ -151,6 +151,17 @@ def test_the_picture_shows_what_was_counted(found: Statistics, tmp_path: Path) -
         assert np.count_nonzero((image == color).all(axis=1)) > 500
 
 
+def test_names_of_any_kind_are_drawn(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    """Matplotlib takes what is between dollar signs for a formula, and a long name for the width of the picture."""
+    pytest.importorskip("matplotlib", reason="Matplotlib is not installed: pip install 'ecat[plots]'")
+    names = (r"costs $\frac$", "a\nb", "long " * 500, "long " * 501, " ")
+    events = (event(f"e{i}", i, i + 9, type=name, tier="t") for i, name in enumerate(names))
+    session(tmp_path / "project" / "a", layer("ann", *events))
+    plot_statistics(statistics(tmp_path / "project"), tmp_path / "s.png", r"$\frac$")
+    assert (tmp_path / "s.png").stat().st_size > 5_000
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 def test_other_kinds_of_pictures_and_a_missing_library_are_told(
     found: Statistics, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 import socket
+import threading
 from collections.abc import Generator, Iterator
 from dataclasses import replace
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ecat.errors import DiskError, EcatError, ExistsError, MissingExtraError, NotFoundError, StaleError
+from ecat.errors import (
+    DiskError,
+    EcatError,
+    ExistsError,
+    MissingExtraError,
+    NotFoundError,
+    StaleError,
+    UsageError,
+)
 from ecat.model import Stream
 from ecat.store import create_session, open_session, remote
 from tests.store.sessions import MANIFEST, draft, make
@@ -75,6 +86,9 @@ def test_sessions_are_found_in_order_and_not_inside_of_others(place: str, tmp_pa
     remote.send(tmp_path / "p", f"{place}/p")
     assert remote.find_sessions(f"{place}/p") == [f"{place}/p/{name}" for name in ("a/one", "a/two", "b")]
     assert remote.find_sessions(f"{place}/p/b") == [f"{place}/p/b"]
+    assert remote.find_sessions(f"{place}/p/b/") == [f"{place}/p/b"]
+    with pytest.raises(NotFoundError, match="cannot find sessions"):
+        remote.find_sessions(f"{place}/p/b/session.json")
 
 
 def test_media_can_be_left_where_they_are(place: str, tmp_path: Path) -> None:
@@ -190,6 +204,14 @@ def test_nothing_there_and_no_such_bucket_are_told(place: str, s3: str) -> None:
         remote.read_manifest(f"{place}/nowhere")
 
 
+@pytest.mark.parametrize("url", ["s3://", "s3:///lab/x"])
+def test_a_url_without_a_bucket_is_refused_and_none_is_made(s3: str, url: str) -> None:
+    for use in (remote.find_sessions, remote.refuse_taken, remote.remove):
+        with pytest.raises(NotFoundError, match="names no bucket"):
+            use(url)
+    assert fsspec.filesystem("s3", use_listings_cache=False).ls("") == [s3.removeprefix("s3://")]
+
+
 def test_an_unknown_protocol_or_a_missing_library_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(EcatError) as caught:
         remote.find_sessions("nonsense://x/y")
@@ -209,7 +231,47 @@ def test_a_manifest_that_names_files_outside_is_refused(place: str, tmp_path: Pa
         pass
 
 
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[str]:
+    """The URL of a web server that lists the files of ``tmp_path``."""
+    pytest.importorskip("aiohttp", reason="aiohttp is not installed: pip install 'ecat[remote]'")
+    handler = functools.partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        running = threading.Thread(target=server.serve_forever)
+        running.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        running.join()
+
+
+def test_sessions_are_read_from_a_web_server(site: str, tmp_path: Path) -> None:
+    for name in ("two", "one"):
+        make(tmp_path / "p" / name)
+    assert remote.find_sessions(f"{site}/p") == [f"{site}/p/one", f"{site}/p/two"]
+    assert remote.find_sessions(f"{site}/p/one") == [f"{site}/p/one"]
+    with remote.fetched(f"{site}/p/one") as folder:
+        assert tree(folder) == tree(tmp_path / "p" / "one")
+
+
+@pytest.mark.parametrize("url", ["http://host/out", "https://host/out.csv"])
+def test_nothing_is_written_to_a_web_server(url: str) -> None:
+    with pytest.raises(UsageError, match="nothing can be written there"), remote.sent(url):
+        pass
+
+
+def test_a_store_that_refuses_the_credentials_is_said(s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(url: str) -> None:
+        raise PermissionError("Forbidden")
+
+    monkeypatch.setattr(remote, "open_url", refuse)
+    with pytest.raises(DiskError, match="PermissionError: Forbidden") as caught:
+        remote.refuse_taken(f"{s3}/out")
+    assert "credentials" in caught.value.fix
+    assert caught.value.consequence == "nothing was written"
+
+
 def test_paths_and_urls_are_told_apart() -> None:
     assert remote.place_of("s3://lab/x/") == "s3://lab/x"
+    assert remote.place_of("s3://") == "s3://"
     assert remote.place_of("a/b") == Path("a/b")
     assert not remote.is_url(Path("s3:/lab"))

@@ -88,7 +88,10 @@ def write_part(
                 raise
             why = f"no moments: {(error.where or error.what).removeprefix(f'{label}: ')}"
             return (why, *_unseen(session))
-        _write_moments(plan, out, label, options, progress)
+        short = _write_moments(plan, out, label, options, progress)
+    if short:
+        said = f"{short:,} of {len(plan):,} episodes are shorter than a window and have none"
+        return (*plan.findings, said, *_unseen(session))
     return (*plan.findings, *_unseen(session))
 
 
@@ -148,7 +151,8 @@ def _plain(column: Any, kind: pa.DataType) -> Any:
 
 def _write_moments(
     plan: Plan, out: StreamsWriter, label: str, options: TidyOptions, progress: Progress
-) -> None:
+) -> int:
+    """Write moments and windows; how many episodes are shorter than a window."""
     windows: list[pa.Table] = []
     with ExitStack() as stack:
         moments: Any = None
@@ -162,6 +166,7 @@ def _write_moments(
     with out.stream(WINDOWS, _WINDOW) as stream:
         for table in windows:
             stream.write_table(table)
+    return sum(table.num_rows == 0 for table in windows)
 
 
 def _about(episode: Episode, n: int) -> list[Any]:

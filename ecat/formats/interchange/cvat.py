@@ -79,7 +79,7 @@ def part(
     source = source_of(session, label, options)
     drawn = source.drawn("rectangle", "polygon", "point")
     events = source.events if options.events == "tags" else []
-    n_tags = sum(s.end_frame - max(s.start_frame, 0) for event in events for s in event.segments)
+    n_tags = sum(s.end_frame - s.start_frame for event in events for s in event.segments)
     if n_tags > MOST_TAGS:
         raise LimitError(
             f"cannot write {label} for CVAT",
@@ -213,7 +213,7 @@ def _number(value: float) -> str:
 def _images(events: Sequence[Event], said: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     """Images with the events that happen in them; memory for those that happen at the same time."""
     stretches = sorted(
-        ((max(s.start_frame, 0), max(s.end_frame, 1), n) for n, e in enumerate(events) for s in e.segments),
+        ((s.start_frame, s.end_frame, n) for n, e in enumerate(events) for s in e.segments),
         reverse=True,
     )
     told_once: set[int] = set()

@@ -19,7 +19,7 @@ from ecat.formats.format import Format
 from ecat.formats.interchange.documents import head_of
 from ecat.formats.interchange.facts import PROPERTY, ROLE, joined
 from ecat.formats.interchange.found import Found, FoundEvent, Frames, Times
-from ecat.formats.interchange.plain_csv import frame_number, header_of, rate_of, read_table, table
+from ecat.formats.interchange.plain_csv import frame_number, header_of, rate_of, read_table, table, too_long
 from ecat.formats.interchange.reading import Reading
 from ecat.formats.interchange.source import LayerOptions, Source, counted, source_of
 from ecat.formats.interchange.times import (
@@ -81,6 +81,7 @@ def part(
         "EPIC-KITCHENS' CSV",
         f"the names of {counted(names, 'role')}: their objects are nouns" if names else "",
         f"{counted(untimed, 'event')} without a time left out" if untimed else "",
+        too_long(event.text for event in source.events),
         source.made_up(),
     )
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from ecat.formats.interchange.documents import head_of
 from ecat.formats.interchange.facts import FIELDS, told
 from ecat.formats.interchange.found import Found, FoundEvent, Frames, Times
 from ecat.formats.interchange.reading import Reading
-from ecat.formats.interchange.source import LayerOptions, source_of
+from ecat.formats.interchange.source import LayerOptions, counted, source_of
 from ecat.formats.interchange.times import MOST_FRAMES, SECOND_NS, from_decimal, to_decimal
 from ecat.progress import Progress
 from ecat.store import Session, write_new_file
@@ -84,7 +84,7 @@ def part(
                 yield {**first, **about}
             for number, segment in enumerate(event.segments):
                 times = source.times.edges_ns(segment) if source.times.known else ()
-                edges = (max(segment.start_frame, 0), max(segment.end_frame, 1))
+                edges = (segment.start_frame, segment.end_frame)
                 yield {
                     **first,
                     "segment": number,
@@ -94,7 +94,15 @@ def part(
                 }
 
     write_new_file(dest, table(columns, rows()))
-    return source.findings(CARRIES, "CSV", own=NAME)
+    return source.findings(
+        CARRIES, "CSV", too_long(chain.from_iterable(map(dict.values, said.values()))), own=NAME
+    )
+
+
+def too_long(texts: Iterable[str]) -> str:
+    """What to say where texts are longer than a cell that can be read again; else nothing."""
+    n = sum(len(text) > csv.field_size_limit() for text in texts)
+    return f"{counted(n, 'text')} too long for a cell: this table cannot be imported again" if n else ""
 
 
 def table(columns: Sequence[str], rows: Iterator[Mapping[str, object]]) -> Iterator[bytes]:

@@ -13,7 +13,7 @@ from ecat.formats.interchange.facts import labels_of
 from ecat.formats.interchange.leftovers import left_behind
 from ecat.formats.interchange.times import NOMINAL_HZ, FrameTimes, times_of
 from ecat.formats.options import option
-from ecat.model import AnnotatedObject, CodingScheme, Event, Layer, Manifest
+from ecat.model import AnnotatedObject, CodingScheme, Event, Layer, Manifest, Segment
 from ecat.model.document import span
 from ecat.store import Session
 from ecat.store.media import annotated_stream
@@ -79,9 +79,16 @@ class Source:
 
     @cached_property
     def events(self) -> list[Event]:
-        """The events that happen at some time, by their start, wholes before their parts; stretches in order."""
+        """The events that happen at some time, by their start, wholes before their parts; stretches in order, each of
+        one image at least and not before the first.
+        """
         timed = [
-            replace(event, segments=tuple(sorted(event.segments, key=lambda s: (s.start_frame, s.end_frame))))
+            replace(
+                event,
+                segments=tuple(
+                    sorted(map(_possible, event.segments), key=lambda s: (s.start_frame, s.end_frame))
+                ),
+            )
             for event in self.layer.events
             if event.segments
         ]
@@ -129,6 +136,11 @@ class Source:
         """
         others = [record.name for record in self.manifest.layers if record.name != self.layer.name]
         found = list(left_behind(self.layer, carries, program, own))
+        changed = [event.id for event in self.layer.events if any(_possible(s) != s for s in event.segments)]
+        if changed and "event" in carries:
+            found.append(
+                f"stretches without length, or before the first image, were made possible: of {listed(changed)}"
+            )
         if others:
             names = ", ".join(others)
             found.append(
@@ -185,6 +197,15 @@ def scheme_at_hand(session: Session, name: str) -> CodingScheme | None:
         return find_scheme(session.path, name)
     except EcatError:
         return None
+
+
+def _possible(segment: Segment) -> Segment:
+    """A stretch as other programs can have it; one that was possible as it is."""
+    start = max(segment.start_frame, 0)
+    end = max(segment.end_frame, start + 1)
+    if (start, end) == (segment.start_frame, segment.end_frame):
+        return segment
+    return Segment(start_frame=start, end_frame=end)
 
 
 def _order(event: Event) -> tuple[int, int, int, str]:

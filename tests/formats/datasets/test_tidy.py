@@ -92,6 +92,14 @@ def test_windows_say_which_moments_they_are(make: Make) -> None:
         assert inside["moment"].tolist() == [window["first_moment"] + i for i in range(15)]
 
 
+def test_episodes_that_are_shorter_than_a_window_are_counted(make: Make, tmp_path: Path) -> None:
+    project = make("a", GRASP, Span(50, 55, "push")).parent
+    report = formats.export(project, tmp_path / "some", format="parquet")
+    assert "1 of 2 episodes are shorter than a window and have none" in report.findings
+    fit = formats.export(project, tmp_path / "all", format="parquet", options={"window_s": "0.1"})
+    assert not [said for said in fit.findings if "shorter" in said]
+
+
 def test_tables_are_those_of_the_sessions_with_the_session_in_front(make: Make) -> None:
     make("a", GRASP)
     folder = exported(make("b", GRASP, number=2).parent)

@@ -188,3 +188,24 @@ def test_an_empty_layer_is_written_and_read(module: Any, uniform: Session, tmp_p
     layer, findings = there_and_back(module.FORMAT, uniform, tmp_path)
     assert (layer.events, layer.objects) == ((), ())
     assert not [line for line in findings if "no place" in line]
+
+
+@pytest.mark.parametrize("module", [elan, cvat, label_studio, via, vidat, epic, boris, plain_csv])
+def test_stretches_that_no_program_can_have_are_made_possible_and_named(
+    module: Any, uniform: Session, tmp_path: Path
+) -> None:
+    spans = {"none": (10, 10), "reverse": (20, 15), "before": (-8, -3), "partly": (-8, 3), "fine": (40, 50)}
+    events = tuple(
+        Event(id=f"a{n}", type=name, text=name, segments=(Segment(start_frame=start, end_frame=end),))
+        for n, (name, (start, end)) in enumerate(spans.items())
+    )
+    layer, findings = there_and_back(module.FORMAT, Holding(uniform, Layer(events=events)), tmp_path)
+    found = {event.type: [(s.start_frame, s.end_frame) for s in event.segments] for event in layer.events}
+    assert found == {
+        "none": [(10, 11)],
+        "reverse": [(20, 21)],
+        "before": [(0, 1)],
+        "partly": [(0, 3)],
+        "fine": [(40, 50)],
+    }
+    assert [line for line in findings if line.endswith("were made possible: of a0, a1, a2, a3")]

@@ -119,3 +119,12 @@ def test_what_is_no_table_of_events_is_refused(
 def test_a_cell_without_end_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LimitError, match="field larger than field limit"):
         read(plain_csv.FORMAT, tmp_path, f"start_s,end_s,text\n1,2,{'x' * 200_000}\n")
+
+
+@pytest.mark.parametrize("form", [plain_csv, epic])
+def test_a_text_that_cannot_be_read_again_is_told_when_it_is_written(form: object, tmp_path: Path) -> None:
+    event = Event(id="a1", text="x" * 200_000, segments=(Segment(start_frame=0, end_frame=3),))
+    session = base_session(tmp_path, "uniform", Layer(events=(event,)))
+    options = form.FORMAT.options()  # type: ignore[attr-defined]
+    findings = form.FORMAT.part(session, "s", tmp_path / "long.csv", options, silent)  # type: ignore[attr-defined]
+    assert "1 text too long for a cell: this table cannot be imported again" in findings
