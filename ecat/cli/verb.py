@@ -6,11 +6,13 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
 from itertools import takewhile
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ecat.cli.output import BROKEN_PIPE, Output
+from ecat.errors import UsageError
 
 SETTINGS: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
@@ -33,10 +35,39 @@ def write_examples(formatter: click.HelpFormatter, examples: tuple[str, ...]) ->
             formatter.write(f"{' ' * formatter.current_indent}{line}\n")
 
 
+# click 8.5.0 does not know yet of what its paths are
+_ClickPath = click.Path[Path] if TYPE_CHECKING else click.Path
+
+
+class LocalPath(_ClickPath):
+    """A path, and no URL, of which a path would lose a slash."""
+
+    def coerce_path_result(self, value: Any) -> Path:
+        """As click does.
+
+        Raises
+        ------
+        UsageError : it is a URL.
+        """
+        if "://" in str(value):
+            raise UsageError(
+                f"cannot use {value} here",
+                where="it is a URL; only info, view, stats, query and export read from one, and export writes to one",
+                fix="read a copy in a folder of this machine, or write there and copy it to the URL then",
+            )
+        return super().coerce_path_result(value)
+
+
 class Verb(click.Command):
-    """A command with examples."""
+    """A command with examples, whose paths are :class:`LocalPath`."""
 
     examples: tuple[str, ...] = ()
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        for parameter in self.params:
+            if isinstance(given := parameter.type, click.Path):
+                parameter.type = LocalPath(allow_dash=given.allow_dash, path_type=Path)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The examples."""

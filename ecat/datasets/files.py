@@ -15,6 +15,7 @@ from ecat.errors import CorruptError, NotFoundError, UsageError
 from ecat.formats.datasets.arrays import mapped
 from ecat.formats.datasets.images import decode_image
 from ecat.formats.datasets.torch_format import ABOUT, EPISODES, MATRICES, ROWS, VERSION
+from ecat.formats.stream_names import plain_name
 from ecat.store import remote
 
 _MOST_BYTES = 16 << 20
@@ -62,18 +63,18 @@ class Stored:
         return image
 
     def _open(self, stream: str) -> None:
-        stem = self.folder / "images" / stream.replace("/", "_")
-        offsets = mapped(stem.with_suffix(".npy"))
+        stem = plain_name(stream)
+        offsets = mapped(self.folder / "images" / f"{stem}.npy")
         try:
-            with stem.with_suffix(".bin").open("rb") as file:
+            with (self.folder / "images" / f"{stem}.bin").open("rb") as file:
                 size = file.seek(0, 2)
                 # nothing cannot be mapped
                 blob = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else mmap.mmap(-1, 1)
         except OSError as error:
-            raise _corrupt(self.folder, f"images/{stem.name}.bin: {error}") from None
+            raise _corrupt(self.folder, f"images/{stem}.bin: {error}") from None
         steps = np.diff(offsets.astype(np.int64))
         if len(steps) != self.about["rows"] or int(offsets[-1]) > size or np.any(steps < 0):
-            raise _corrupt(self.folder, f"images/{stem.name}.npy does not fit the images")
+            raise _corrupt(self.folder, f"images/{stem}.npy does not fit the images")
         self._offsets[stream], self._blobs[stream] = offsets, blob
 
     def _shape(self, stream: str) -> tuple[int, int, int]:

@@ -9,12 +9,13 @@ and which goes with the database: there is no other way from SQL to the disk, an
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
@@ -139,13 +140,19 @@ class Database:
         try:
             return waiting.result()
         finally:
-            if not waiting.done():
+            # one that comes before the question has begun is lost
+            while not waiting.done():
                 self._connection.interrupt()
+                wait([waiting], timeout=0.1)
 
 
 @contextmanager
-def open_database(path: Path, *, progress: Progress = silent) -> Generator[Database]:
+def open_database(
+    path: Path, *, left_out: Mapping[Path, EcatError] = MappingProxyType({}), progress: Progress = silent
+) -> Generator[Database]:
     """The sessions at ``path``, to be asked while the block lasts.
+
+    ``left_out`` are folders of sessions that are not asked, and why: they are among the failures.
 
     Raises
     ------
@@ -153,7 +160,7 @@ def open_database(path: Path, *, progress: Progress = silent) -> Generator[Datab
     MissingExtraError : DuckDB is not installed.
     """
     duckdb = _duckdb()
-    sessions, failures = _open(path, progress)
+    sessions, failures = _open(path, progress, left_out)
     with (
         # by default it is .tmp of the working folder, and the only place that SQL may write to
         TemporaryDirectory(prefix="ecat-", ignore_cleanup_errors=True) as scratch,
@@ -166,6 +173,29 @@ def open_database(path: Path, *, progress: Progress = silent) -> Generator[Datab
         for setting in _LOCKED:
             connection.execute(setting)
         yield Database(path, connection, worker, failures)
+
+
+def damaged_sessions(
+    path: Path, tables: Sequence[str], *, progress: Progress = silent
+) -> dict[Path, EcatError]:
+    """The folders of sessions at ``path`` of which one of ``tables`` cannot be read, and why; reads all of them."""
+    sessions, _ = _open(path, progress)
+    found: dict[Path, EcatError] = {}
+    for done, (label, session) in enumerate(sessions.items()):
+        progress("looking for damage", done, len(sessions))
+        for name in tables:
+            try:
+                for _ in _table(name, {label: session}).to_batches():
+                    pass
+            except (pa.ArrowException, OSError) as error:
+                found[session.path] = CorruptError(
+                    f"cannot read table {name} of session {session.name}",
+                    where=str(error).partition("\n")[0],
+                    consequence="the session was left out",
+                    fix=f"ecat check {session.path} says what can be done",
+                )
+                break
+    return found
 
 
 def tables_at(path: Path) -> list[TableHelp]:
@@ -207,8 +237,10 @@ def _duckdb() -> Any:
     return duckdb
 
 
-def _open(path: Path, progress: Progress) -> tuple[dict[str, Session], tuple[tuple[Path, EcatError], ...]]:
-    """The sessions by label, and those that cannot be opened."""
+def _open(
+    path: Path, progress: Progress, left_out: Mapping[Path, EcatError] = MappingProxyType({})
+) -> tuple[dict[str, Session], tuple[tuple[Path, EcatError], ...]]:
+    """The sessions by label, and those that cannot be opened or are left out."""
     sessions: dict[str, Session] = {}
     failures: list[tuple[Path, EcatError]] = []
     folders = find_sessions(path)
@@ -216,7 +248,10 @@ def _open(path: Path, progress: Progress) -> tuple[dict[str, Session], tuple[tup
         progress("opening", done, len(folders))
         inside = folder.relative_to(path)
         try:
-            sessions[inside.as_posix() if inside.parts else folder.resolve().name] = open_session(folder)
+            session = open_session(folder)
+            if session.path in left_out:
+                raise left_out[session.path]
+            sessions[inside.as_posix() if inside.parts else folder.resolve().name] = session
         except EcatError as error:
             failures.append((folder, error))
     if folders and not sessions:
@@ -249,7 +284,8 @@ def _tables(sessions: dict[str, Session]) -> dict[str, ds.Dataset]:
 
 def _table(name: str, sessions: dict[str, Session]) -> ds.Dataset:
     schema = pa.schema([SESSION, *map(_plain, TABLES[name].arrow)])
-    parquet = ds.ParquetFileFormat()
+    checked = ds.ParquetFragmentScanOptions(page_checksum_verification=True)
+    parquet = ds.ParquetFileFormat(default_fragment_scan_options=checked)
     fragments: list[Any] = []
     for label, session in sessions.items():
         if (record := session.manifest.table(name)) is not None:
@@ -297,5 +333,5 @@ def _unreadable(path: Path, text: str) -> CorruptError:
         f"cannot read the tables of {path}",
         where=text.partition("\n")[0],
         consequence="the question was not answered",
-        fix=f"ecat check {path} says which session is damaged",
+        fix=f"ecat check {path} says which session is damaged; where session <> 'NAME' in a question leaves it out",
     )

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ecat.annotate import agreement
-from ecat.errors import EcatError, NotFoundError, UsageError
+from ecat.errors import CorruptError, EcatError, NotFoundError, UsageError
 from ecat.progress import Progress, silent
-from ecat.query.database import open_database
+from ecat.query.database import damaged_sessions, open_database
 
 Rows = list[dict[str, Any]]
 
@@ -37,12 +37,16 @@ QUESTIONS: Mapping[str, str] = {
         where parent is null and end_ns is not null order by layer, type, seconds limit 100000""",
     "annotated": """
         select layer, count(distinct session) as sessions, sum(end_frame - start_frame)::bigint as frames,
-               round(sum(end_frame - start_frame) / (select sum(frames) from sessions), 4) as share
+               round(sum(end_frame - start_frame) filter (recorded is not null)
+                     / (select sum(frames) from sessions), 4) as share
         from (
             -- stretches that overlap are counted once
-            select layer, session, greatest(start_frame, coalesce(max(end_frame) over before, 0)) as start_frame,
-                   end_frame
-            from (select s.* from event_segments s join events e using (session, layer, event_id)
+            select layer, session, recorded,
+                   greatest(start_frame, coalesce(max(end_frame) over before, 0)) as start_frame, end_frame
+            -- of those that reach beyond the recording, where it is known how long that is, what lies in it
+            from (select layer, session, recorded, s.start_frame, least(s.end_frame, recorded) as end_frame
+                  from event_segments s join events e using (session, layer, event_id)
+                       join (select session, nullif(frames, 0) as recorded from sessions) using (session)
                   where e.parent is null)
             window before as (partition by layer, session order by start_frame, end_frame
                               rows between unbounded preceding and 1 preceding)
@@ -65,13 +69,16 @@ QUESTIONS: Mapping[str, str] = {
 }
 """Every part of the statistics, and the question that it answers."""
 
+ASKED = ("events", "event_segments", "objects", "relations", "poses")
+"""The tables that they read."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Statistics:
     """What was counted.
 
     ``parts``: rows by part, in the order of :data:`QUESTIONS`.  ``agreement``: a row for each tier, none for one
-    annotator.  ``failures``: sessions that could not be opened.
+    annotator.  ``failures``: sessions that could not be opened or read.
     """
 
     parts: Mapping[str, Rows]
@@ -80,16 +87,29 @@ class Statistics:
 
 
 def statistics(path: Path, *, progress: Progress = silent) -> Statistics:
-    """Count what the sessions at ``path`` hold.
+    """Count what the sessions at ``path`` hold; those that cannot be read are named in the answer.
 
     Raises
     ------
-    NotFoundError, CorruptError, MissingExtraError : as of :func:`ecat.query.open_database`.
+    NotFoundError, MissingExtraError : as of :func:`ecat.query.open_database`.
+    CorruptError : no session can be read.
     """
-    with open_database(path, progress=progress) as database:
-        parts = {name: database.ask(question).rows() for name, question in QUESTIONS.items()}
-        failures = database.failures
+    try:
+        parts, failures = _counted(path, {}, progress)
+    except CorruptError:
+        damaged = damaged_sessions(path, ASKED, progress=progress)
+        if not damaged:
+            raise
+        parts, failures = _counted(path, damaged, progress)
     return Statistics(parts=parts, agreement=_agreement(path, progress), failures=failures)
+
+
+def _counted(
+    path: Path, left_out: Mapping[Path, EcatError], progress: Progress
+) -> tuple[dict[str, Rows], tuple[tuple[Path, EcatError], ...]]:
+    with open_database(path, left_out=left_out, progress=progress) as database:
+        parts = {name: database.ask(question).rows() for name, question in QUESTIONS.items()}
+        return parts, database.failures
 
 
 def _agreement(path: Path, progress: Progress) -> Rows:

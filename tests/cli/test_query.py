@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,6 +98,18 @@ def test_a_session_that_cannot_be_read_is_named_and_the_others_are_counted(
     found = ecat("query", tmp_path, "select count(*) as n from sessions")
     assert (found.code, found.out.split()) == (1, ["n", "1"])
     assert "cannot read session.json" in found.err
+
+
+def test_a_session_with_a_damaged_table_is_named_and_the_others_are_counted(
+    ecat: Ecat, session: Path, tmp_path: Path
+) -> None:
+    broken = Path(shutil.copytree(session, tmp_path / "broken"))
+    (broken / "tables" / "events.parquet").write_bytes(b"")
+    found = ecat("stats", tmp_path, "--json")
+    assert (found.code, found.json["sessions"][0]["sessions"]) == (1, 1)
+    [failure] = found.json["failures"]
+    assert failure["path"] == str(broken)
+    assert failure["error"]["what"] == "cannot read table events of session slide"
 
 
 def test_sessions_at_a_url_are_asked_counted_shown_and_described(

@@ -347,6 +347,32 @@ def test_a_file_is_not_taken_for_a_folder(ecat: Ecat, session: Path, tmp_path: P
     assert inside["fix"] == f"name the folder that it belongs to: {session}"
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("process", "s3://lab/p"),
+        ("process", ".", "s3://lab/p", "--force"),
+        ("check", "s3://lab/p"),
+        ("annotate", "s3://lab/p"),
+        ("event", "list", "s3://lab/p"),
+        ("agree", "s3://lab/p"),
+        ("apply", "s3://lab/p", "-"),
+        ("import", ".", "s3://lab/p"),
+        ("view", ".", "--save=s3://lab/p"),
+        ("project", "archive", "s3://lab/p"),
+    ],
+)
+def test_a_url_is_not_taken_for_a_path(
+    ecat: Ecat, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = ecat(*line)
+    assert result.code == 2
+    assert result.err.startswith("ecat: cannot use s3://lab/p here\n  it is a URL")
+    assert "read a copy in a folder" in result.err
+    assert not list(tmp_path.iterdir())
+
+
 def test_view_can_save_a_recording(ecat: Ecat, session: Path, tmp_path: Path) -> None:
     file = tmp_path / "slide.rrd"
     result = ecat("view", session, "--save", file)

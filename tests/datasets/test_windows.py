@@ -51,6 +51,15 @@ def test_windows_lie_within_their_episodes(folder: Path) -> None:
     assert all(bool(sample["valid"].all()) for sample in found)
 
 
+def test_images_are_those_of_the_stream_whatever_its_name(make: Make, tmp_path: Path) -> None:
+    names = ("front", "front.left", "up/down")
+    make("a", Span(10, 30), film=True, streams=names)
+    make("b", Span(10, 30), film=True, streams=("front.left",))
+    found = windows(export(tmp_path), length=1, stride=20, images=names)
+    assert [bool(found[0][f"images.{name}"].any()) for name in names] == [True, True, True]
+    assert [bool(found[1][f"images.{name}"].any()) for name in names] == [False, True, False]
+
+
 def test_short_episodes_and_rests_are_filled_up_if_wanted(folder: Path) -> None:
     found = windows(folder, length=10, stride=10, short="pad")
     assert [int(sample["valid"].sum()) for sample in found] == [10, 10, 7, 10, 2]

@@ -200,6 +200,24 @@ def test_a_damaged_table_is_an_error_and_a_damaged_session_is_left_out_and_named
     assert "ecat check" in caught.value.fix
 
 
+def test_a_question_goes_on_without_a_damaged_table_that_it_does_not_read(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        make(tmp_path / name, n=2000)
+    table = tmp_path / "b" / "tables" / "poses.parquet"
+    data = table.read_bytes()
+    # what does not fit its checksum is damaged, even if it can be unpacked
+    for broken in (b"PAR1" * 10, data[:4] + bytes(byte ^ 1 for byte in data[4:-2000]) + data[-2000:]):
+        table.write_bytes(broken)
+        with pytest.raises(CorruptError) as caught:
+            rows(tmp_path, "select avg(x), avg(y), avg(z) from poses")
+        assert "where session <> 'NAME'" in caught.value.fix
+        assert rows(tmp_path, "select count(*) n from events") == [{"n": 2}]
+        assert rows(tmp_path, "select count(z) n from poses where session <> 'b'") == [{"n": 2000}]
+        assert rows(
+            tmp_path, "select count(z) n from events join poses using (session) where session <> 'b'"
+        ) == [{"n": 2000}]
+
+
 def test_without_sessions_or_without_duckdb_it_says_so(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

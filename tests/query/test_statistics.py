@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from ecat.errors import ExistsError, MissingExtraError, UsageError
+from ecat.errors import CorruptError, ExistsError, MissingExtraError, UsageError
 from ecat.model import AnnotatedObject, Clock, Event, Layer, Manifest, Relation, Segment
 from ecat.model.annotation import Argument
 from ecat.query import Statistics, plot_statistics, statistics
+from ecat.query.statistics import ASKED, QUESTIONS
 from ecat.store import Draft, TableData, create_session
+from ecat.tables import TABLES
 from tests.store.sessions import rows
 
 pytest.importorskip("duckdb", reason="DuckDB is not installed: pip install 'ecat[query]'")
@@ -97,6 +100,58 @@ def test_frames_of_events_that_overlap_are_counted_once(found: Statistics) -> No
     assert part(found, "annotated", layer="ann")["frames"] == 90 + 30
     assert part(found, "annotated", layer="ann")["share"] == round(120 / 602, 4)
     assert part(found, "annotated", layer="ben")["frames"] == 90
+
+
+def test_frames_beyond_the_recording_are_none_of_it(tmp_path: Path) -> None:
+    """How long events are is said as they were annotated."""
+    session(tmp_path / "a", layer("ann", event("e1", 201, 1201), event("e2", 401, 501)))
+    found = statistics(tmp_path)
+    assert part(found, "annotated") == {
+        "layer": "ann",
+        "sessions": 1,
+        "frames": 100,
+        "share": round(100 / 301, 4),
+    }
+    assert part(found, "events")["total_s"] == round(1100 * 10 / 300, 3)
+
+
+def test_where_it_is_not_known_how_many_frames_were_recorded_there_is_no_share_of_them(
+    tmp_path: Path,
+) -> None:
+    session(tmp_path / "a", layer("ann", event("e1", 0, 100)))
+    create_session(
+        tmp_path / "b",
+        Draft(manifest=Manifest(name="b", created="2026"), layers=(layer("ann", event("e1", 0, 500)),)),
+    )
+    row = part(statistics(tmp_path), "annotated")
+    assert (row["frames"], row["share"]) == (600, round(100 / 301, 4))
+
+
+@pytest.mark.parametrize("how", ["cut", "flipped", "gone"])
+def test_a_session_with_a_damaged_table_is_left_out_and_named(tmp_path: Path, how: str) -> None:
+    session(tmp_path / "a", layer("ann", event("e1", 0, 30, type="slide")), places=4)
+    session(tmp_path / "b", layer("ann", event("e1", 0, 60, type="slide")), places=4)
+    whole = statistics(tmp_path / "a").parts
+    table = tmp_path / "b" / "tables" / "poses.parquet"
+    data = table.read_bytes()
+    table.unlink()
+    if how != "gone":
+        table.write_bytes(
+            data[:-40] if how == "cut" else data[:4] + bytes(~b & 255 for b in data[4:900]) + data[900:]
+        )
+    found = statistics(tmp_path)
+    assert found.parts == whole
+    [(path, error)] = found.failures
+    assert path == tmp_path / "b"
+    assert error.what == "cannot read table poses of session b"
+    assert f"ecat check {tmp_path / 'b'}" in error.fix
+    with pytest.raises(CorruptError, match="cannot read table poses"):
+        statistics(tmp_path / "b")
+
+
+def test_every_table_that_they_read_is_looked_at_for_damage() -> None:
+    asked = " ".join(QUESTIONS.values())
+    assert set(ASKED) == {name for name in TABLES if re.search(rf"(from|join) {name}\b", asked)}
 
 
 def test_places_that_are_not_known_count_as_such(found: Statistics) -> None:

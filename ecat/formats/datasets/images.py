@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ecat.errors import NotFoundError
 from ecat.formats.datasets.options import DatasetOptions
 from ecat.formats.episodes import Episode, image_streams
+from ecat.formats.stream_names import require_unlike
 from ecat.store import Session
 from ecat.store.media import StreamImages, open_images
 
@@ -25,11 +26,13 @@ class EpisodeImages(AbstractContextManager["EpisodeImages"]):
     Raises
     ------
     NotFoundError : a stream that was asked for is not there.
+    InputError : two streams would have the same name in the data set.
     """
 
     def __init__(self, session: Session, options: DatasetOptions) -> None:
         self._options = options
         self.names = _chosen(session, options)
+        require_unlike(self.names, options.stream_names, taken=options.taken_names)
         with ExitStack() as stack:
             self._open: dict[str, StreamImages] = {
                 name: stack.enter_context(open_images(session, name)) for name in self.names

@@ -13,8 +13,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ecat.formats.datasets.arrays import mapped
+from ecat.formats.datasets.options import DatasetOptions
 from ecat.formats.datasets.torch_format import ABOUT, EPISODES, MATRICES, ROWS
 from ecat.formats.format import Part
+from ecat.formats.stream_names import plain_name, require_unlike
 
 
 @dataclass
@@ -28,14 +30,20 @@ class Columns:
     episodes: int = 0
 
     @classmethod
-    def of(cls, parts: Sequence[Part]) -> Columns:
-        """The columns of a data set that is made of these parts."""
+    def of(cls, parts: Sequence[Part], options: DatasetOptions) -> Columns:
+        """The columns of a data set that is made of these parts.
+
+        Raises
+        ------
+        InputError : two streams of different sessions would have the same name.
+        """
         found = cls()
         for part in parts:
             about = _read_about(part)
             for name in (*MATRICES, "streams", "labels"):
                 _add(getattr(found, name), about[name])
             found.episodes += about["episodes"]
+        require_unlike(found.streams, options.stream_names, taken=options.taken_names)
         return found
 
 
@@ -52,7 +60,7 @@ class Made(ExitStack):
         }
         self._places = {name: _places(about[name], getattr(columns, name)) for name in MATRICES}
         self._labels = np.array([*about["parts"], ""], object)
-        stems = {name: part.path / "images" / name.replace("/", "_") for name in self.streams}
+        stems = {name: part.path / "images" / plain_name(name) for name in self.streams}
         self._offsets: dict[str, NDArray[Any]] = {
             name: mapped(stem.with_name(f"{stem.name}.npy")) for name, stem in stems.items()
         }

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from ecat.formats.episodes import EpisodeOptions
 from ecat.formats.options import option
+from ecat.formats.stream_names import plain_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +24,12 @@ class DatasetOptions(EpisodeOptions):
     streams: str = option(
         "", "only these streams of images, with commas between them; otherwise all colour ones"
     )
+    taken_names: ClassVar[tuple[str, ...]] = ()
+    """What no stream can be called in the data set."""
+
+    def stream_names(self, stream: str) -> tuple[str, ...]:
+        """What a stream is called in the data set, and what belongs to it."""
+        return (plain_name(stream),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,7 @@ from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,11 @@ class RldsOptions(PackedOptions):
 
     name: str = option("ecat", "of the data set: small letters, digits and _, a letter first")
     shard_mb: int = option(256, "size of a TFRecord file at most; a larger episode has one alone", least=1)
+    taken_names: ClassVar[tuple[str, ...]] = ("state", "state_known")
+
+    def stream_names(self, stream: str) -> tuple[str, ...]:
+        """Of the images, and of whether there is one."""
+        return (_safe(stream), f"{_safe(stream)}_known")
 
 
 @dataclass
@@ -121,7 +126,7 @@ def merge(parts: Sequence[Part], dest: Path, options: RldsOptions, progress: Pro
     Raises
     ------
     UsageError : a name that tensorflow_datasets does not allow.
-    InputError : an episode that is too large for a record.
+    InputError : an episode that is too large for a record; or two streams would have the same name.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", options.name):
         raise UsageError(
@@ -129,7 +134,7 @@ def merge(parts: Sequence[Part], dest: Path, options: RldsOptions, progress: Pro
             where="name: expected small letters, digits and _, a letter first",
             fix="name=my_recordings",
         )
-    columns, shapes = Columns.of(parts), Shapes()
+    columns, shapes = Columns.of(parts, options), Shapes()
     files.make_folders(dest)
     for part in parts:
         with Made(part, columns) as made:

@@ -34,6 +34,7 @@ from ecat.formats.datasets.options import DatasetOptions
 from ecat.formats.episode_plan import Plan
 from ecat.formats.episodes import Episode, clock_method, left_behind
 from ecat.formats.format import Format, Part
+from ecat.formats.stream_names import plain_name, require_unlike
 from ecat.progress import Progress
 from ecat.stages.resample import ROUNDED_NS
 from ecat.store import Session, files, write_new_file
@@ -86,7 +87,7 @@ def write_part(
 
     Raises
     ------
-    InputError : there is no episode, or no clock.
+    InputError : there is no episode, or no clock; or two streams would have the same name.
     """
     plan = Plan(session, label, options)
     files.make_folders(dest / "images")
@@ -141,7 +142,7 @@ class _Blobs:
     """Images one after the other, and where each begins."""
 
     def __init__(self, stack: ExitStack, folder: Path, name: str) -> None:
-        stem = name.replace("/", "_")
+        stem = plain_name(name)
         self._file = stack.enter_context((folder / f"{stem}.bin").open("wb"))
         self._offsets = stack.enter_context(ArrayFile(folder / f"{stem}.npy", (), "<u8"))
         self._end = 0
@@ -154,7 +155,7 @@ class _Blobs:
 
     def append(self, folder: Path, name: str) -> None:
         """All images of another data set, as they are."""
-        stem = name.replace("/", "_")
+        stem = plain_name(name)
         with (folder / f"{stem}.bin").open("rb") as source:
             shutil.copyfileobj(source, self._file, 1 << 20)
         offsets: NDArray[Any] = mapped(folder / f"{stem}.npy")
@@ -248,12 +249,18 @@ def _write_about(folder: Path, about: _Dataset, options: DatasetOptions) -> None
 
 
 def merge(parts: Sequence[Part], dest: Path, options: DatasetOptions, progress: Progress) -> tuple[str, ...]:
-    """Join the data sets of sessions: columns by their names, labels anew, images as they are."""
+    """Join the data sets of sessions: columns by their names, labels anew, images as they are.
+
+    Raises
+    ------
+    InputError : two streams of different sessions would have the same name.
+    """
     about, abouts = _Dataset(), [_read_about(part.path) for part in parts]
     for said in abouts:
         for kind in MATRICES:
             about.note(kind, said[kind])
         about.streams += [name for name in said["streams"] if name not in about.streams]
+    require_unlike(about.streams, options.stream_names, taken=options.taken_names)
     files.make_folders(dest / "images")
     with ExitStack() as stack:
         arrays = _array_files(stack, dest, about)

@@ -51,6 +51,10 @@ class WebDatasetOptions(PackedOptions):
     stride_s: float = option(0.5, "from the start of a window to that of the next", least=0.001, most=86400)
     shard_mb: int = option(256, "size of a TAR file at most; a larger sample has one alone", least=1)
 
+    def stream_names(self, stream: str) -> tuple[str, ...]:
+        """Of the images' files."""
+        return (_safe(stream),)
+
 
 @dataclass(frozen=True)
 class _Sample:
@@ -105,9 +109,9 @@ def merge(
 
     Raises
     ------
-    InputError : no episode is as long as a window.
+    InputError : no episode is as long as a window; or two streams would have the same name.
     """
-    columns = Columns.of(parts)
+    columns = Columns.of(parts, options)
     files.make_folders(dest)
     short = 0
     with _Shards(dest, options.shard_mb * _MEGABYTE) as shards:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ import pyarrow as pa
 from ecat.formats.lerobot import language
 from ecat.formats.lerobot.depth import facts
 from ecat.formats.lerobot.video import Kind
+from ecat.formats.stream_names import plain_name, require_unlike
 
 VERSION = "v3.0"
 CHUNK_SIZE = 1000
@@ -39,7 +40,17 @@ def file_name(folder: str, number: int, suffix: str = ".parquet") -> str:
 
 def video_key(stream: str) -> str:
     """The feature that the images of a stream are."""
-    return f"observation.images.{stream.replace('/', '_')}"
+    return f"observation.images.{plain_name(stream)}"
+
+
+def require_unlike_videos(streams: Iterable[str]) -> None:
+    """Return if each of the streams has a feature of its own.
+
+    Raises
+    ------
+    InputError : two have the same one.
+    """
+    require_unlike(streams, lambda stream: (video_key(stream),), option="cameras")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,9 +53,13 @@ def merge(parts: Sequence[Part], dest: Path, options: LeRobotOptions, progress: 
     Raises
     ------
     CorruptError : a part is damaged.
+    InputError : streams of different sessions would be the same camera.
     """
     known = [_about(part) for part in parts]
     kept, views, findings = _agreed(known)
+    # a stream has an offset in whatever part shows it
+    streams = (name for made in kept for name in made.choices["worst_offset_s"])
+    layout.require_unlike_videos(name for name in streams if layout.video_key(name) in views)
     shape = Layout(
         fps=options.fps,
         state=_union(made.state for made in kept),

@@ -21,6 +21,7 @@ from ecat.formats.lerobot.layout import Layout, View, video_key
 from ecat.formats.lerobot.options import LeRobotOptions
 from ecat.formats.lerobot.recorded import Camera
 from ecat.formats.lerobot.video import LONGEST_S
+from ecat.formats.stream_names import plain_name
 from ecat.model import Stream
 from ecat.progress import Progress
 from ecat.stages.resample import filled
@@ -47,7 +48,7 @@ def write_part(
 
     Raises
     ------
-    InputError : there is no episode, no clock, or nothing to tell of any moment.
+    InputError : there is no episode, no clock, or nothing to tell of any moment; or two streams would have one name.
     UsageError : options that name what there is not.
     CorruptError, FormatError : a recording cannot be read.
     """
@@ -55,12 +56,14 @@ def write_part(
     plan = Plan(session, label, options)
     dropped: list[str] = []
     notes = _Notes()
+    streams = list(_streams(plan, options, dropped))
+    layout.require_unlike_videos(stream.name for stream in streams)
     with ExitStack() as stack:
         cameras = {
             video_key(stream.name): stack.enter_context(
-                Camera(session, stream, dest / f"{stream.name.replace('/', '_')}.scratch.mp4", options)
+                Camera(session, stream, dest / f"{plain_name(stream.name)}.scratch.mp4", options)
             )
-            for stream in _streams(plan, options, dropped)
+            for stream in streams
         }
         writer: DatasetWriter | None = None
         files.make_folders(dest)

@@ -61,6 +61,11 @@ def _poses(boxes: tuple[str, ...], frames: int, number: int) -> pa.Table:
     return pa.table([c.cast(f.type) for c, f in zip(columns, POSES.arrow, strict=True)], schema=POSES.arrow)
 
 
+def _stream(name: str, frames: int) -> Stream:
+    file = f"media/{name.replace('/', '~')}.mp4"
+    return Stream(name=name, kind="color", file=file, present=True, n_frames=frames)
+
+
 def _film(path: Path, frames: int) -> None:
     """Image i is grey of brightness 4 i."""
     with ColorWriter(path, 64, 48) as film:
@@ -69,7 +74,7 @@ def _film(path: Path, frames: int) -> None:
 
 
 class Make(Protocol):
-    """Makes ``project/<name>`` with events of these spans; its path."""
+    """Makes ``project/<name>`` with events of these spans, and with ``film`` the streams; its path."""
 
     def __call__(
         self,
@@ -79,6 +84,7 @@ class Make(Protocol):
         boxes: tuple[str, ...] = ("red", "blue"),
         frames: int = 61,
         film: bool = False,
+        streams: tuple[str, ...] = ("color",),
     ) -> Path: ...
 
 
@@ -92,24 +98,25 @@ def maker(project: Path) -> Make:
         boxes: tuple[str, ...] = ("red", "blue"),
         frames: int = 61,
         film: bool = False,
+        streams: tuple[str, ...] = ("color",),
     ) -> Path:
         things = tuple(
             AnnotatedObject(id=f"o{i + 1}", name=box, kind="marker_box") for i, box in enumerate(boxes)
         )
         events = tuple(event for i, span in enumerate(spans) for event in _event(i, span))
-        stream = Stream(name="color", kind="color", file="media/color.mp4", present=True, n_frames=frames)
+        films = tuple(_stream(stream, frames) for stream in streams) if film else ()
         manifest = Manifest(
             name=name,
             created="2026",
             n_frames=frames,
             clock=Clock(rule="uniform", duration_ns=(frames - 1) * 1_000_000_000 // FPS),
-            streams=(stream,) if film else (),
+            streams=films,
         )
         draft = Draft(
             manifest=manifest,
             layers=(Layer(objects=things, events=events),),
             tables={"poses": TableData(data=_poses(boxes, frames, number))},
-            media={"color": lambda path: _film(path, frames)} if film else {},
+            media={stream.name: lambda path: _film(path, frames) for stream in films},
         )
         return create_session(project / name, draft).path
 
