@@ -246,8 +246,11 @@ def _in_ray(
     ray = cluster.begun()
     # Ray serves one function's tasks in the order in which they come
     remote = ray.remote(_each)
+    # the last are handed over one by one, so that all end at about the same time
+    last = max(0, len(tasks) - cluster.jobs * _WAITING)
     at_once = max(1, min(_OF_RAY, len(tasks) // (cluster.jobs * _WAITING)))
-    waiting = [range(i, min(i + at_once, len(tasks))) for i in range(0, len(tasks), at_once)][::-1]
+    waiting = [range(i, min(i + at_once, last)) for i in range(0, last, at_once)]
+    waiting = [*waiting, *(range(i, i + 1) for i in range(last, len(tasks)))][::-1]
     under_way = dict[Any, range]()
     while waiting or under_way:
         while waiting and len(under_way) < cluster.jobs * _WAITING:
@@ -329,7 +332,7 @@ class _Cluster:
                 fix="start a cluster (ray start --head), or unset RAY_ADDRESS to have one on this machine",
             ) from error
         self._own = True
-        for _ in range(0 if address else self.jobs):
+        for _ in range(self.jobs):
             ray.remote(_import).remote(self._imports)
         return ray
 
