@@ -73,12 +73,19 @@ def cluster() -> Generator[dict[str, str]]:
     """The environment of programs that use a Ray cluster of this machine, which is there before the clock starts."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "RAY_USAGE_STATS_ENABLED": "0"}
 
-    def ray(*arguments: str) -> None:
+    def ray(*arguments: str) -> int:
         program = Path(sys.executable).with_name("ray")
-        subprocess.run([program, *arguments], check=True, env=environment, capture_output=True)
+        return subprocess.run(
+            [program, *arguments], check=False, env=environment, capture_output=True
+        ).returncode
 
-    ray("start", "--head", "--num-cpus=2", "--include-dashboard=false")
+    if ray("status") == 0:
+        sys.exit(
+            "a Ray cluster runs on this machine, and would be stopped: --engines processes leaves Ray out"
+        )
     try:
+        if ray("start", "--head", "--num-cpus=2", "--include-dashboard=false"):
+            sys.exit("Ray cannot be started: ray start --head says why")
         time.sleep(5)  # it says that it is there before its workers are
         yield {**environment, "RAY_ADDRESS": "auto"}
     finally:

@@ -97,13 +97,15 @@ def _list_tables(out: Output, tables: list[TableHelp]) -> None:
 
 
 def _print(out: Output, answer: Answer, most: int) -> None:
+    from ecat.query import rows_of
+
     rows: list[dict[str, Any]] = []
     more = False
     for batch in answer.batches:
         if more := len(rows) + batch.num_rows > most:
-            rows += batch.slice(0, most - len(rows)).to_pylist()
+            rows += rows_of(batch.slice(0, most - len(rows)))
             break
-        rows += batch.to_pylist()
+        rows += rows_of(batch)
     names = answer.schema.names
     lines = [names, *([_cell(row[name]) for name in names] for row in rows)]
     text = columns(lines) if names else ""

@@ -83,10 +83,6 @@ def _cell(name: str, value: Any) -> str:
         return "(no type)"
     if value is None:
         return "-"
-    return (
-        f"{value:,}"
-        if isinstance(value, int)
-        else f"{value:g}"
-        if isinstance(value, float)
-        else cell(str(value))
-    )
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:g}" if isinstance(value, float) else cell(str(value))

@@ -67,7 +67,13 @@ class Verb(click.Command):
         super().__init__(*args, **settings)
         for parameter in self.params:
             if isinstance(given := parameter.type, click.Path):
-                parameter.type = LocalPath(allow_dash=given.allow_dash, path_type=Path)
+                parameter.type = LocalPath(
+                    exists=given.exists,
+                    file_okay=given.file_okay,
+                    dir_okay=given.dir_okay,
+                    allow_dash=given.allow_dash,
+                    path_type=Path,
+                )
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The examples."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -49,6 +49,8 @@ SESSIONS = TableSchema(
 _T = TypeVar("_T")
 _DISK = fs.LocalFileSystem()
 _ROWS_AT_ONCE = 1 << 14
+_LISTENING_S = 0.1
+"""So often it is heard whether Ctrl-C was pressed."""
 _MEMORY = "2GB"
 """What DuckDB may take before it puts things by on the disk; otherwise it takes most of what the machine has."""
 _QUESTIONS = ("SELECT", "EXPLAIN", "MULTI")
@@ -70,8 +72,31 @@ class Answer:
     batches: Iterator[pa.RecordBatch]
 
     def rows(self) -> list[dict[str, Any]]:
-        """All of them at once."""
-        return [row for batch in self.batches for row in batch.to_pylist()]
+        """All of them at once.
+
+        Raises
+        ------
+        UsageError : as of :func:`rows_of`.
+        CorruptError : a table cannot be read.
+        """
+        return [row for batch in self.batches for row in rows_of(batch)]
+
+
+def rows_of(batch: pa.RecordBatch) -> list[dict[str, Any]]:
+    """The rows as Python has them.
+
+    Raises
+    ------
+    UsageError : there is a time that Python has not, as one in the year 20,000 or at infinity.
+    """
+    try:
+        return batch.to_pylist()
+    except (OverflowError, ValueError) as error:
+        raise UsageError(
+            "cannot show the answer",
+            where=str(error),
+            fix="cast(... as varchar) in the question makes texts of its times; --to FILE writes them as they are",
+        ) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,12 +163,17 @@ class Database:
         """Do ``step`` in another thread: while DuckDB is at work, it hears of no signal."""
         waiting = self._worker.submit(step)
         try:
+            # some libraries make signals wait until what waits has ended
+            while not wait([waiting], timeout=_LISTENING_S).done:
+                pass
             return waiting.result()
         finally:
             # one that comes before the question has begun is lost
             while not waiting.done():
-                self._connection.interrupt()
-                wait([waiting], timeout=0.1)
+                # nor is DuckDB left at work when Ctrl-C is pressed twice
+                with suppress(KeyboardInterrupt):
+                    self._connection.interrupt()
+                    wait([waiting], timeout=_LISTENING_S)
 
 
 @contextmanager

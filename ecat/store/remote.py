@@ -27,7 +27,8 @@ from ecat.model import Manifest
 from ecat.store import files
 from ecat.store.manifest import MAX_BYTES, SESSION_FILE, journal_file, parse_manifest
 
-_WITHOUT_BUCKETS = ("file", "local", "memory")
+_IN_PLACES = ("abfs", "abfss", "az", "ftp", "gcs", "gs", "http", "https", "s3", "s3a", "sftp", "ssh")
+"""Protocols whose URLs name a bucket or host first; others, as ``hdfs:///folder``, may name none."""
 
 
 def is_url(place: Path | str) -> bool:
@@ -261,9 +262,9 @@ def _forget(system: Any, root: str) -> None:
 def open_url(url: str) -> tuple[Any, str]:
     """The file system of a URL, and the path in it; nothing is remembered of what is there."""
     protocol, _, place = url.partition("://")
-    if protocol not in _WITHOUT_BUCKETS and place[:1] in ("", "/"):
+    if protocol in _IN_PLACES and place[:1] in ("", "/"):
         raise NotFoundError(
-            f"cannot use {url}", where="it names no bucket", fix="s3://bucket/folder, or a path"
+            f"cannot use {url}", where="it names no bucket or host", fix="s3://bucket/folder, or a path"
         )
     try:
         from fsspec.core import url_to_fs  # pyright: ignore[reportMissingTypeStubs]

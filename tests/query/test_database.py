@@ -5,7 +5,9 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pytest
@@ -165,15 +167,57 @@ def test_the_memory_of_a_question_is_bounded(project: Path) -> None:
     assert rows(project, asked) == [{"value": "1.8 GiB"}]
 
 
-def test_a_long_question_can_be_interrupted(project: Path) -> None:
-    """DuckDB itself goes on until it has the next rows, however long that takes."""
+@pytest.fixture
+def alarm() -> Iterator[threading.Timer]:
+    """Presses Ctrl-C a second after it is started, in a process in which signals do not end what waits."""
     here = threading.get_ident()
-    alarm = threading.Timer(1, lambda: signal.pthread_kill(here, signal.SIGINT))
+    timer = threading.Timer(1, lambda: signal.pthread_kill(here, signal.SIGINT))
+    signal.siginterrupt(signal.SIGINT, False)
+    yield timer
+    timer.cancel()
+    signal.siginterrupt(signal.SIGINT, True)
+
+
+def test_a_long_question_can_be_interrupted(project: Path, alarm: threading.Timer) -> None:
+    """DuckDB itself goes on until it has the next rows, however long that takes."""
     started = time.monotonic()
     with open_database(project) as database, pytest.raises(KeyboardInterrupt):  # noqa: PT012
         alarm.start()
         database.ask("select sum(sqrt(a.range + b.range)) from range(10000000) a, range(10000000) b").rows()
     assert time.monotonic() - started < 30
+
+
+class PressedAgain:
+    """A connection that Ctrl-C keeps from being interrupted, until the third time."""
+
+    def __init__(self, connection: Any) -> None:
+        self.connection, self.times = connection, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.connection, name)
+
+    def interrupt(self) -> None:
+        self.times += 1
+        if self.times < 3:
+            raise KeyboardInterrupt
+        self.connection.interrupt()
+
+
+def test_ctrl_c_again_leaves_no_question_at_work(project: Path, alarm: threading.Timer) -> None:
+    started = time.monotonic()
+    with open_database(project) as database, pytest.raises(KeyboardInterrupt):  # noqa: PT012
+        database._connection = PressedAgain(database._connection)  # type: ignore[assignment]
+        alarm.start()
+        database.ask("select sum(sqrt(a.range + b.range)) from range(10000000) a, range(10000000) b").rows()
+    assert time.monotonic() - started < 30
+
+
+@pytest.mark.parametrize("moment", ["date '20000-01-01'", "'infinity'::timestamp", "[date '20000-01-01']"])
+def test_times_that_python_has_not_are_said(project: Path, moment: str) -> None:
+    with pytest.raises(UsageError, match="cannot show the answer") as caught:
+        rows(project, f"select {moment}")
+    assert "cast(... as varchar)" in caught.value.fix
+    assert rows(project, f"select cast({moment} as varchar) as text")
 
 
 def test_a_mistake_is_explained_and_the_tables_are_named(project: Path) -> None:

@@ -212,6 +212,15 @@ def test_a_url_without_a_bucket_is_refused_and_none_is_made(s3: str, url: str) -
     assert fsspec.filesystem("s3", use_listings_cache=False).ls("") == [s3.removeprefix("s3://")]
 
 
+def test_a_url_of_what_has_no_buckets_needs_none(tmp_path: Path) -> None:
+    (tmp_path / "there").touch()
+    system, root = remote.open_url(f"simplecache::file://{tmp_path}")
+    assert system.exists(f"{root}/there")
+    for url in ("http://", "https:///x"):
+        with pytest.raises(NotFoundError, match="names no bucket or host"):
+            remote.open_url(url)
+
+
 def test_an_unknown_protocol_or_a_missing_library_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(EcatError) as caught:
         remote.find_sessions("nonsense://x/y")

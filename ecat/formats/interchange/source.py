@@ -205,6 +205,9 @@ def _possible(segment: Segment) -> Segment:
     end = max(segment.end_frame, start + 1)
     if (start, end) == (segment.start_frame, segment.end_frame):
         return segment
+    timed = segment.start_ns is not None and segment.end_ns is not None and segment.start_ns < segment.end_ns
+    if timed and start == segment.start_frame:
+        return replace(segment, end_frame=end)
     return Segment(start_frame=start, end_frame=end)
 
 
