@@ -278,10 +278,12 @@ def _figures(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _mean_of(row: dict[str, Any], way: str, *, trusted: bool) -> str:
-    runs = [one["without_suspicious"] for one in row["runs"].values() if "without_suspicious" in one]
-    shares = 100 * np.array([one[way]["tuple"] for one in (runs if trusted else row["runs"].values())])
-    if not len(shares):
+    runs = list(row["runs"].values())
+    if trusted:
+        runs = [one["without_suspicious"] for one in runs if "without_suspicious" in one]
+    if not runs:
         return ""
+    shares = 100 * np.array([one[way]["tuple"] for one in runs])
     return f"{shares.mean():.2f}" + (f" ± {shares.std(ddof=1):.2f}" if len(shares) > 1 else "")
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
+from itertools import pairwise
 from multiprocessing import forkserver
 from multiprocessing.synchronize import Event
 from typing import Any, Literal, TypeVar
@@ -249,8 +250,8 @@ def _in_ray(
     # the last are handed over one by one, so that all end at about the same time
     last = max(0, len(tasks) - cluster.jobs * _WAITING)
     at_once = max(1, min(_OF_RAY, len(tasks) // (cluster.jobs * _WAITING)))
-    waiting = [range(i, min(i + at_once, last)) for i in range(0, last, at_once)]
-    waiting = [*waiting, *(range(i, i + 1) for i in range(last, len(tasks)))][::-1]
+    starts = [*range(0, last, at_once), *range(last, len(tasks)), len(tasks)]
+    waiting = [range(start, end) for start, end in pairwise(starts)][::-1]
     under_way = dict[Any, range]()
     while waiting or under_way:
         while waiting and len(under_way) < cluster.jobs * _WAITING:

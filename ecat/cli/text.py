@@ -22,8 +22,8 @@ def columns(rows: Sequence[Sequence[str]], *, indent: int = 0) -> str:
 
 def _align(cells: list[str]) -> list[str]:
     width = max(map(len, cells))
-    numeric = all(cell.replace(",", "").replace(".", "").isdigit() for cell in cells if cell)
-    return [cell.rjust(width) if numeric else cell.ljust(width) for cell in cells]
+    numeric = all(text.replace(",", "").replace(".", "").isdigit() for text in cells if text)
+    return [text.rjust(width) if numeric else text.ljust(width) for text in cells]
 
 
 def cell(text: str) -> str:

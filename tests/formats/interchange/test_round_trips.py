@@ -209,3 +209,10 @@ def test_stretches_that_no_program_can_have_are_made_possible_and_named(
         "fine": [(40, 50)],
     }
     assert [line for line in findings if line.endswith("were made possible: of a0, a1, a2, a3")]
+
+
+def test_a_stretch_within_one_image_keeps_its_times(uniform: Session, tmp_path: Path) -> None:
+    within = Segment(start_frame=10, end_frame=10, start_ns=405_000_000, end_ns=409_000_000)
+    event = Event(id="a0", type="tap", text="tap", segments=(within,))
+    layer, _ = there_and_back(elan.FORMAT, Holding(uniform, Layer(events=(event,))), tmp_path)
+    assert [(s.start_ns, s.end_ns) for s in layer.events[0].segments] == [(405_000_000, 409_000_000)]
