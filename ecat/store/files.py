@@ -190,7 +190,8 @@ def make_folder(path: Path) -> None:
     """Make one folder, unless it is there."""
     if not path.is_dir():
         step("make", path)
-        path.mkdir()
+        # another process may have made it since it was looked for
+        path.mkdir(exist_ok=True)
 
 
 def make_folders(path: Path) -> None:

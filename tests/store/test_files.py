@@ -33,6 +33,22 @@ def test_every_one_of_many_is_synced_once_and_the_fault_of_one_is_told(
     files.sync_all([])
 
 
+def test_a_folder_that_somebody_else_has_just_made_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two processes that begin at once both look for it before either has made it."""
+    wanted, in_the_way = tmp_path / "parts", tmp_path / "file"
+    in_the_way.touch()
+    monkeypatch.setattr(files, "step", lambda what, path: wanted.mkdir())  # pyright: ignore[reportUnknownLambdaType]
+
+    files.make_folder(wanted)
+
+    assert wanted.is_dir()
+    monkeypatch.undo()
+    with pytest.raises(FileExistsError):
+        files.make_folder(in_the_way)
+
+
 def test_linked_folders_share_their_files_where_the_disk_can(tmp_path: Path) -> None:
     (tmp_path / "a" / "inner").mkdir(parents=True)
     (tmp_path / "a" / "inner" / "file").write_text("content")
