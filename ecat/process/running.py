@@ -25,6 +25,7 @@ from ecat.process.graph import (
     why_not,
 )
 from ecat.process.inputs import StageImages, has_marks, input_hashes, stage_inputs
+from ecat.process.memory import give_back
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
 from ecat.progress import Progress, silent
@@ -79,6 +80,7 @@ def process_session(
         run = _Run(session, images, prototypes, progress, len(chosen), measured=measured)
         for independent in side_by_side(chosen):
             run.stages(independent, force=force)
+            give_back()
     run.keep_prototypes()
     return ProcessReport(
         path=path,
