@@ -19,6 +19,9 @@ from ecat.errors import UsageError
 if TYPE_CHECKING:
     from ecat.query import Answer, TableHelp
 
+_PLAN = ["explain_key", "explain_value"]
+"""Columns of what EXPLAIN answers."""
+
 
 @verb(
     "query",
@@ -109,6 +112,8 @@ def _print(out: Output, answer: Answer, most: int) -> None:
     names = answer.schema.names
     lines = [names, *([_cell(row[name]) for name in names] for row in rows)]
     text = columns(lines) if names else ""
+    if names == _PLAN:  # drawn with characters, over many lines
+        text = "\n".join(str(row[_PLAN[1]]).rstrip() for row in rows)
     if more:
         text += "\n... there are more rows: --rows prints more, --to FILE writes all"
     out.result({"rows": _jsonable(rows), "more": more}, text)

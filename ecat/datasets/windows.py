@@ -154,8 +154,8 @@ def _filled(values: NDArray[Any], missing: int) -> NDArray[Any]:
 
 
 def _is_count(number: object) -> bool:
-    """Any whole number from one on, NumPy's too."""
-    return isinstance(number, SupportsIndex) and number.__index__() >= 1
+    """Any whole number from one on, NumPy's too; that True is one is an accident."""
+    return isinstance(number, SupportsIndex) and not isinstance(number, bool) and number.__index__() >= 1
 
 
 def _require(

@@ -34,6 +34,13 @@ def test_more_rows_than_wanted_are_left_out_and_it_says_so(ecat: Ecat, session: 
     assert ecat("query", session, "select 1 as one", "--rows", 1).out.splitlines() == ["one", "1"]
 
 
+def test_a_plan_is_shown_as_it_is_drawn(ecat: Ecat, session: Path) -> None:
+    found = ecat("query", session, f"explain {COUNT}").out
+    assert "ORDER" in found.upper()
+    assert len(found.splitlines()) > 5
+    assert "explain_value" not in found
+
+
 def test_all_rows_go_to_a_file(ecat: Ecat, session: Path, tmp_path: Path) -> None:
     assert ecat("query", session, COUNT, "--to", tmp_path / "n.csv").out.startswith("wrote 5 rows")
     assert (tmp_path / "n.csv").read_text().splitlines()[0] == '"type","n"'

@@ -164,7 +164,9 @@ def test_a_folder_that_is_none_or_a_wish_that_cannot_be_says_what_to_do(folder: 
     assert len(wrong.value.where.split("\n")) == 5
 
 
-@pytest.mark.parametrize("wish", [{"length": 2.5}, {"length": "3"}, {"stride": 1.0}, {"stride": None}])
+@pytest.mark.parametrize(
+    "wish", [{"length": 2.5}, {"length": "3"}, {"length": True}, {"stride": 1.0}, {"stride": None}]
+)
 def test_lengths_are_whole_numbers(folder: Path, wish: dict[str, Any]) -> None:
     with pytest.raises(UsageError, match="expected a whole number"):
         windows(folder, **wish)
