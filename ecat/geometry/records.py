@@ -47,3 +47,17 @@ def camera_of(record: model.Camera) -> Camera:
         reference=f"camera/{record.reference or record.name}",
         from_reference=place.inverse(),
     )
+
+
+def depth_from_camera(manifest: model.Manifest, camera: model.Camera) -> Rigid:
+    """From a camera's frame to ``camera/depth``, over all cameras that its place is given by."""
+    pose = Rigid.identity()
+    passed: set[str] = set()
+    while camera.name not in passed:
+        passed.add(camera.name)
+        pose = Rigid.from_quaternion(np.array(camera.rotation), np.array(camera.translation_m)) @ pose
+        reference = manifest.camera(camera.reference)
+        if reference is None:
+            break
+        camera = reference
+    return pose

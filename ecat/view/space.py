@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ecat.geometry.records import depth_from_camera
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion
 from ecat.model import Camera, Manifest
 from ecat.view.scene import (
@@ -38,7 +39,7 @@ from ecat.view.scene import (
     texts,
     ui_points,
 )
-from ecat.view.streams import depth_step, place_of, reduced, shown_streams
+from ecat.view.streams import depth_step, reduced, shown_streams
 
 if TYPE_CHECKING:
     from rerun.chunk import Chunk
@@ -99,7 +100,7 @@ def travels(camera_poses: pa.Table, manifest: Manifest, timebase: Timebase) -> t
     at, first = np.unique(frames[kept].astype(np.int64), return_index=True)
     place = Rigid(place.rotation[kept][first], place.translation[kept][first])
     model = manifest.camera(str(names[0]))
-    world_from_depth = place if model is None else place @ place_of(manifest, model).inverse()
+    world_from_depth = place if model is None else place @ depth_from_camera(manifest, model).inverse()
     start = Rigid(world_from_depth.rotation[0], world_from_depth.translation[0]).inverse()
     return at, start @ world_from_depth
 
@@ -157,7 +158,7 @@ def cameras(manifest: Manifest) -> Iterator[Chunk]:
     """The annotated video's camera, and those of all images that are there: of depth as they are shown."""
     color = color_camera(manifest)
     if color is not None:
-        yield from camera(color, IMAGE, place_of(manifest, color))
+        yield from camera(color, IMAGE, depth_from_camera(manifest, color))
     for shown in shown_streams(manifest):
         model = shown.camera
         # infrared images come from the depth camera, which is there already
@@ -165,7 +166,7 @@ def cameras(manifest: Manifest) -> Iterator[Chunk]:
             continue
         if shown.stream.kind == "depth":
             model = reduced(model, depth_step(model.width_px))
-        yield from camera(model, shown.path, place_of(manifest, model))
+        yield from camera(model, shown.path, depth_from_camera(manifest, model))
 
 
 def border(width_px: int, height_px: int) -> Chunk:

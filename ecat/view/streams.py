@@ -63,20 +63,6 @@ def _camera(manifest: Manifest, stream: Stream) -> Camera | None:
     return camera
 
 
-def place_of(manifest: Manifest, camera: Camera) -> Rigid:
-    """The rotation and translation from ``camera`` to ``camera/depth``, over all cameras that it is given by."""
-    pose = Rigid.identity()
-    passed: set[str] = set()
-    while camera.name not in passed:
-        passed.add(camera.name)
-        pose = Rigid.from_quaternion(np.array(camera.rotation), np.array(camera.translation_m)) @ pose
-        reference = manifest.camera(camera.reference)
-        if reference is None:
-            break
-        camera = reference
-    return pose
-
-
 def depth_step(width_px: int) -> int:
     """Every how many pixels and rows a depth image of this width is shown."""
     return -(-width_px // DEPTH_WIDTH)

@@ -10,7 +10,7 @@ import pytest
 from ecat.geometry.records import camera_of
 from ecat.model import Camera, Manifest, Stream
 from ecat.view.space import cameras
-from ecat.view.streams import depth_step, place_of, reduced, shown_streams, straightened
+from ecat.view.streams import depth_step, reduced, shown_streams, straightened
 from tests.view.chunks import at, paths
 
 LENS = (0.3, -0.2, 0.001, -0.002, 0.05)
@@ -82,14 +82,3 @@ def test_a_straightened_pixel_is_where_the_lens_put_it(mirrored: bool, lens: tup
     assert np.allclose([u[30, 40], v[30, 40]], expected)
     if not lens:
         assert np.allclose([u[30, 40], v[30, 40]], [80, 60])
-
-
-def test_a_camera_given_by_another_camera_stands_where_both_say() -> None:
-    place = place_of(manifest(), SIDE)
-    # half a turn about z, a metre aside, and the colour camera's five centimetres
-    assert np.allclose(place.apply(np.array([0.2, 0.1, 1.0])), [0.85, -0.1, 1.0])
-
-
-def test_cameras_given_by_each_other_have_a_place_all_the_same() -> None:
-    circle = replace(manifest(), cameras=(replace(COLOR, reference="side"), SIDE))
-    assert np.isfinite(place_of(circle, SIDE).translation).all()

@@ -17,9 +17,8 @@ from ecat.errors import NotFoundError
 from ecat.formats.robotics.tracks import numbers, stretches
 from ecat.geometry.boxes import boxes_by_codes
 from ecat.geometry.cameras import Camera
-from ecat.geometry.records import camera_of
+from ecat.geometry.records import camera_of, depth_from_camera
 from ecat.geometry.transforms import Floats, Rigid
-from ecat.model import Camera as CameraRecord
 from ecat.model import Manifest, Stream
 from ecat.model.annotation import Event, Segment
 from ecat.model.prototype import BoxPrototype, Triple
@@ -201,20 +200,6 @@ def _wall_ns(start: str | None) -> int | None:
 
 
 # ------------------------------------------------------------------------------------------------ space
-
-
-def depth_from_camera(manifest: Manifest, camera: CameraRecord) -> Rigid:
-    """From a camera's frame to ``camera/depth``, over all cameras that its place is given by."""
-    pose = Rigid.identity()
-    passed: set[str] = set()
-    while camera.name not in passed:
-        passed.add(camera.name)
-        pose = Rigid.from_quaternion(np.array(camera.rotation), np.array(camera.translation_m)) @ pose
-        reference = manifest.camera(camera.reference)
-        if reference is None:
-            break
-        camera = reference
-    return pose
 
 
 def stream_camera(manifest: Manifest, stream: Stream) -> Camera | None:

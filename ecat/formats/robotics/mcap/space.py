@@ -14,10 +14,10 @@ from ecat.formats.robotics.scene import (
     TableFits,
     Thing,
     Things,
-    depth_from_camera,
     file_names,
     table_outlines,
 )
+from ecat.geometry.records import depth_from_camera
 from ecat.geometry.transforms import Rigid, known
 from ecat.store import Session
 
