@@ -255,12 +255,12 @@ def crossval(
     four; nothing is fitted to a session that is tested.  RUN gets crossval.json (with baselines for trees; also
     without the sessions whose labels look inverted), predictions.parquet, pictures of the confusions, and limits.json
     and limits.png: how errors lie about changes of the label, and in which slots.  Folds are kept in RUN/folds: the
-    same command goes on where it was interrupted, also with more seeds.  Another model, other folds or other options
-    need another RUN.
+    same command goes on where it was interrupted, also with more seeds.  Another model, other folds, other options or
+    other sessions need another RUN.
     """
     from dataclasses import replace
 
-    from learn.recognize.crossval import cross_validate_model, refuse_another, said_of
+    from learn.recognize.crossval import cross_validate_model, refuse_another, refuse_others, said_of
     from learn.recognize.dataset import read_exports
     from learn.recognize.evaluation import (
         CONFUSIONS,
@@ -281,6 +281,7 @@ def crossval(
     findings: list[str] = []
     with out.progress() as progress:
         sessions = read_exports(source, progress, findings)
+        refuse_others(run, sessions)
         findings += filter(None, [unstopped(model, options, splits_of(sessions, kind)[0][0])])
         repeated = [replace(options, seed=seed) for seed in range(seeds)]
         result, found = cross_validate_model(

@@ -31,6 +31,7 @@ from learn.recognize.kept import read_arrays, read_json, write_arrays
 from learn.recognize.runs import CROSSVAL, Options, train
 from learn.recognize.unusable import undamaged
 
+_SESSIONS = "sessions_sha256"
 Recognize = Callable[[Split, Progress], Predicted]
 """Learn from the known, and say what the tested show."""
 
@@ -83,6 +84,25 @@ def refuse_another(run: Path, said: dict[str, Any]) -> None:
         raise ExistsError(what, where=f"{source} is of another: {shown}", consequence=consequence, fix=fix)
 
 
+def refuse_others(run: Path, sessions: Sequence[LabelledSession]) -> None:
+    """Say before the work that the figures in ``run`` are of other sessions, or of other labels of them; those that do
+    not say of which they are may be replaced.
+
+    Raises
+    ------
+    ExistsError : they are.
+    """
+    known = _known(sessions)
+    there = read_json(run / CROSSVAL) if (run / CROSSVAL).exists() else {}
+    if there.get(_SESSIONS, known) != known:
+        raise ExistsError(
+            f"cannot cross-validate into {run}",
+            where=f"{run / CROSSVAL} is of other sessions, or of others as well",
+            consequence="nothing was trained",
+            fix="name another folder (--run)",
+        )
+
+
 def kept_or(
     recognize: Recognize, split: Split, keep: Path | None, what: str, progress: Progress = silent
 ) -> Predicted:
@@ -126,7 +146,8 @@ def cross_validate_model(
 
     Returns
     -------
-    scores : ``mean`` and ``spread`` over the seeds (standard deviation), and ``runs`` of each; of trees, ``baselines``.
+    scores : what was asked for, and of which sessions; ``mean`` and ``spread`` over the seeds (standard deviation), and
+        ``runs`` of each; of trees, ``baselines``.
 
     Raises
     ------
@@ -149,6 +170,7 @@ def cross_validate_model(
     scored = [scores(run) for run in runs]
     return {
         **said_of(name, kind, share, options[0]),
+        _SESSIONS: _known(sessions),
         **({"baselines": baselines(splits, progress)} if name == "trees" else {}),
         **summary([one.seed for one in options], scored),
     }, runs[0]
@@ -172,8 +194,20 @@ def _identity(split: Split, what: str) -> str:
     for part in split:
         digest.update(b"|")
         for session in part:
-            digest.update(repr(session.key).encode() + session.points.tobytes() + session.labels.tobytes())
+            digest.update(_bytes_of(session))
     return digest.hexdigest()
+
+
+def _known(sessions: Sequence[LabelledSession]) -> str:
+    """Changes when any of the sessions does, not with their order."""
+    digest = hashlib.sha256()
+    for session in sorted(sessions, key=lambda one: one.key):
+        digest.update(_bytes_of(session))
+    return digest.hexdigest()
+
+
+def _bytes_of(session: LabelledSession) -> bytes:
+    return repr(session.key).encode() + session.points.tobytes() + session.labels.tobytes()
 
 
 def _bytes(text: str) -> NDArray[np.uint8]:

@@ -188,6 +188,10 @@ def test_the_figures_of_a_cross_validation_are_not_replaced_by_those_of_another(
     assert (run / "crossval.json").read_bytes() == before
     again = ecat(*command, *trees, "--seeds", 2)
     assert (again.code, set(again.json["runs"])) == (0, {"0", "1"})
+    more = made.exports(tmp_path / "more", 11)
+    others = ecat("learn", "recognize", "crossval", more, "--run", run, "--json", *trees)
+    assert (others.code, others.json["error"]["error"]) == (1, "ExistsError")
+    assert "other sessions" in others.json["error"]["where"]
     (run / "crossval.json").write_text("{broken", "utf-8")
     damaged = ecat(*command, *trees)
     assert (damaged.code, damaged.json["error"]["error"]) == (1, "CorruptError")
