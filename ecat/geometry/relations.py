@@ -15,7 +15,7 @@ import numpy as np
 from ecat.geometry.transforms import Floats, Rigid
 
 PAST_COS = 0.31
-_CHUNK = 16_384
+_CHUNK = 2_048
 _STEPS = np.linspace(-1.0, 1.0, 5)
 _EDGES: Floats = np.array([p for p in product(_STEPS, repeat=3) if sum(abs(v) == 1.0 for v in p) >= 2])
 _CORNERS: Floats = np.array(list(product((-1.0, 1.0), repeat=3)))
