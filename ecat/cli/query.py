@@ -110,10 +110,11 @@ def _print(out: Output, answer: Answer, most: int) -> None:
             break
         rows += rows_of(batch)
     names = answer.schema.names
-    lines = [names, *([_cell(row[name]) for name in names] for row in rows)]
-    text = columns(lines) if names else ""
     if names == _PLAN:  # drawn with characters, over many lines
         text = "\n".join(str(row[_PLAN[1]]).rstrip() for row in rows)
+    else:
+        lines = [names, *([_cell(row[name]) for name in names] for row in rows)]
+        text = columns(lines) if names else ""
     if more:
         text += "\n... there are more rows: --rows prints more, --to FILE writes all"
     out.result({"rows": _jsonable(rows), "more": more}, text)

@@ -11,7 +11,7 @@ import pyarrow as pa
 def give_back() -> None:
     """Give back what is free: allocators keep it for what comes next, which after an hour of video is hundreds of MB.
 
-    Arrow's allocator and, on Linux, that of the C library are asked; elsewhere the latter does it by itself.
+    Arrow's allocator is asked and, on Linux, that of the C library.
     """
     pa.default_memory_pool().release_unused()
     # musl has no such function, and keeps little

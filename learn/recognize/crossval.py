@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from learn.recognize.runs import CROSSVAL, Options, train
 from learn.recognize.unusable import undamaged
 
 _SESSIONS = "sessions_sha256"
+_UNTRAINED, _ELSEWHERE = "nothing was trained", "name another folder (--run)"
 Recognize = Callable[[Split, Progress], Predicted]
 """Learn from the known, and say what the tested show."""
 
@@ -72,16 +74,13 @@ def refuse_another(run: Path, said: dict[str, Any]) -> None:
     ExistsError : they are.
     CorruptError : it cannot be read what they are of.
     """
-    source, fix = run / CROSSVAL, "name another folder (--run)"
-    what, consequence = f"cannot cross-validate into {run}", "nothing was trained"
-    if not source.exists():
+    if not (run / CROSSVAL).exists():
         return
-    with undamaged(f"{what}: {CROSSVAL} cannot be read", consequence=consequence, fix=fix):
-        there = {"options": {}, **read_json(source)}
+    with _readable(run):
+        there = {"options": {}, **read_json(run / CROSSVAL)}
         words = {key: there[key] for key in ("model", "folds", "share")} | there["options"]
     if any(there[key] != value for key, value in said.items()):
-        shown = " ".join(f"--{key} {value}" for key, value in words.items())
-        raise ExistsError(what, where=f"{source} is of another: {shown}", consequence=consequence, fix=fix)
+        raise _taken(run, "another: " + " ".join(f"--{key} {value}" for key, value in words.items()))
 
 
 def refuse_others(run: Path, sessions: Sequence[LabelledSession]) -> None:
@@ -91,16 +90,29 @@ def refuse_others(run: Path, sessions: Sequence[LabelledSession]) -> None:
     Raises
     ------
     ExistsError : they are.
+    CorruptError : it cannot be read what they are of.
     """
+    if not (run / CROSSVAL).exists():
+        return
     known = _known(sessions)
-    there = read_json(run / CROSSVAL) if (run / CROSSVAL).exists() else {}
-    if there.get(_SESSIONS, known) != known:
-        raise ExistsError(
-            f"cannot cross-validate into {run}",
-            where=f"{run / CROSSVAL} is of other sessions, or of others as well",
-            consequence="nothing was trained",
-            fix="name another folder (--run)",
-        )
+    with _readable(run):
+        there = read_json(run / CROSSVAL).get(_SESSIONS, known)
+    if there != known:
+        raise _taken(run, "other sessions, or of others as well")
+
+
+def _readable(run: Path) -> AbstractContextManager[None]:
+    what = f"cannot cross-validate into {run}: {CROSSVAL} cannot be read"
+    return undamaged(what, consequence=_UNTRAINED, fix=_ELSEWHERE)
+
+
+def _taken(run: Path, of: str) -> ExistsError:
+    return ExistsError(
+        f"cannot cross-validate into {run}",
+        where=f"{run / CROSSVAL} is of {of}",
+        consequence=_UNTRAINED,
+        fix=_ELSEWHERE,
+    )
 
 
 def kept_or(
@@ -194,7 +206,7 @@ def _identity(split: Split, what: str) -> str:
     for part in split:
         digest.update(b"|")
         for session in part:
-            digest.update(_bytes_of(session))
+            digest.update(session.content)
     return digest.hexdigest()
 
 
@@ -202,12 +214,8 @@ def _known(sessions: Sequence[LabelledSession]) -> str:
     """Changes when any of the sessions does, not with their order."""
     digest = hashlib.sha256()
     for session in sorted(sessions, key=lambda one: one.key):
-        digest.update(_bytes_of(session))
+        digest.update(session.content)
     return digest.hexdigest()
-
-
-def _bytes_of(session: LabelledSession) -> bytes:
-    return repr(session.key).encode() + session.points.tobytes() + session.labels.tobytes()
 
 
 def _bytes(text: str) -> NDArray[np.uint8]:

@@ -71,6 +71,11 @@ class LabelledSession:
         """File and name."""
         return self.file, self.name
 
+    @property
+    def content(self) -> bytes:
+        """Changes when anything of it does."""
+        return repr(self.key).encode() + self.points.tobytes() + self.labels.tobytes()
+
 
 def read_exports(
     source: Path, progress: Progress = silent, findings: list[str] | None = None

@@ -334,5 +334,5 @@ def _identity(sessions: Sequence[LabelledSession], settings: Settings, fitted: F
     """Changes when anything does that training depends on."""
     digest = hashlib.sha256(repr((settings, fitted.name, fitted.fit.tolist())).encode())
     for session in sessions:
-        digest.update(repr(session.key).encode() + session.points.tobytes() + session.labels.tobytes())
+        digest.update(session.content)
     return digest.hexdigest()
