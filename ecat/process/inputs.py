@@ -51,27 +51,48 @@ def has_marks(session: Session) -> bool:
     return any(record is not None and record.rows for record in records)
 
 
-def stage_inputs(session: Session, stage: Stage) -> dict[str, pa.Table]:
-    """The inputs of a stage that are there, without coordinates beyond ``MOST_COORDINATE``.
+class StageTables:
+    """The tables of a session that some stages read, each read once for all of them, and of it no more than they use.
 
-    Raises
-    ------
-    InputError : one that the stage cannot do without is missing.
+    Coordinates beyond ``MOST_COORDINATE`` are null in them.
     """
-    found: dict[str, pa.Table] = {}
-    for name in stage.inputs:
-        if name == CLOCK:
-            found[name] = clock_table(session)
-        elif session.has_table(name):
-            found[name] = sane(session.table(name).to_arrow())
-        elif name not in stage.optional:
-            raise InputError(
-                f"cannot run the stage {stage.name} on {session.name}",
-                where=f"there is no table {name}",
-                consequence="nothing was changed",
-                fix=f"ecat process {session.path}",
-            )
-    return found
+
+    def __init__(self, session: Session, stages: Sequence[Stage]) -> None:
+        self._session = session
+        self._stages = stages
+        self._read: dict[str, pa.Table] = {}
+        self._lock = Lock()
+
+    def of(self, stage: Stage) -> dict[str, pa.Table]:
+        """The inputs of one of the stages that are there.
+
+        Raises
+        ------
+        InputError : one that the stage cannot do without is missing.
+        """
+        found: dict[str, pa.Table] = {}
+        for name in stage.inputs:
+            if name == CLOCK:
+                found[name] = clock_table(self._session)
+            elif self._session.has_table(name):
+                found[name] = self._table(name)
+            elif name not in stage.optional:
+                raise InputError(
+                    f"cannot run the stage {stage.name} on {self._session.name}",
+                    where=f"there is no table {name}",
+                    consequence="nothing was changed",
+                    fix=f"ecat process {self._session.path}",
+                )
+        return found
+
+    def _table(self, name: str) -> pa.Table:
+        with self._lock:  # stages that run side by side ask for the same ones
+            if name not in self._read:
+                used = [stage.columns.get(name) for stage in self._stages if name in stage.inputs]
+                known = [columns for columns in used if columns is not None]
+                columns = None if len(known) < len(used) else sorted({c for some in known for c in some})
+                self._read[name] = sane(self._session.table(name, columns=columns).to_arrow())
+            return self._read[name]
 
 
 def image_stream(session: Session, kind: str) -> Stream | None:

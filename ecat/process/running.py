@@ -24,7 +24,7 @@ from ecat.process.graph import (
     require_stages,
     why_not,
 )
-from ecat.process.inputs import StageImages, has_marks, input_hashes, stage_inputs
+from ecat.process.inputs import StageImages, StageTables, has_marks, input_hashes
 from ecat.process.memory import give_back
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
@@ -254,10 +254,11 @@ def _all_computed(
 ) -> list[dict[str, pa.Table] | EcatError]:
     """What each of the stages makes, or why it makes nothing, which keeps none of the others from coming to its end."""
     made: list[dict[str, pa.Table] | EcatError] = [{} for _ in due]
+    tables = StageTables(session, [job.stage for job in due])
 
     def run(place: int, job: _Due) -> None:
         try:
-            made[place] = _computed(session, images, job)
+            made[place] = _computed(session, tables, images, job)
         except EcatError as error:
             made[place] = error
 
@@ -265,12 +266,12 @@ def _all_computed(
     return made
 
 
-def _computed(session: Session, images: StageImages, job: _Due) -> dict[str, pa.Table]:
-    tables = stage_inputs(session, job.stage)
+def _computed(session: Session, tables: StageTables, images: StageImages, job: _Due) -> dict[str, pa.Table]:
+    inputs = tables.of(job.stage)
     try:
         # what is not finite in the end is null in the table; how it came about is nobody's concern
         with np.errstate(all="ignore"):
-            return job.stage.run(tables, images.of(job.stage), job.parameters)
+            return job.stage.run(inputs, images.of(job.stage), job.parameters)
     except np.linalg.LinAlgError as error:
         raise InputError(
             f"cannot run the stage {job.stage.name} on {session.name}",

@@ -65,7 +65,8 @@ def fit_face_planes(
     """
     parameters = parameters or FacePlaneParameters()
     known = pc.and_(pc.is_valid(markers_2d["code"]), pc.is_valid(markers_2d["order"]))
-    markers_2d = markers_2d.filter(known)
+    if not pc.all(known).as_py():
+        markers_2d = markers_2d.filter(known)
     # whole frames at a time: an hour of faces with all that is known of them does not fit into little memory
     first = np.searchsorted(markers_2d["frame"].to_numpy(), _stretches(markers_2d))
     camera = None if depth.camera is None else DepthCamera(depth.camera, depth.unit_m)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from ecat.errors import InputError
 from ecat.geometry.boxes import square_poses
@@ -22,12 +23,12 @@ from ecat.stages.images import Images, ImagesByKind
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.table_depth import fit_table_in_depth, outline_table
-from ecat.stages.tie import tied
+from ecat.stages.tie import LOOKED_AT, tied
 from ecat.tables import TABLE_PLANE
 
 MIN_BOX_FRAMES, MOST_BOX_FRAMES = 20, 1000
 """Fewer frames with a box say less about the table than the polygon does, more say nothing new."""
-_MOST_FRAMES = 20_000
+_MOST_FRAMES = 6000
 """What is read of a recording to choose those from; all of an hour would fill half a gigabyte."""
 
 
@@ -71,7 +72,7 @@ def fit_table(
     polygon = np.asarray(polygon, float).reshape(-1, 3)
     drawn = np.isfinite(polygon).all(1).sum() >= 3
     camera = parameters.camera
-    flat, solid = _spread(markers_2d, markers_3d)
+    step, (flat, solid) = _spread(markers_2d, markers_3d)
     boxes = _standing_boxes(flat, solid, parameters, unmeasured=not drawn)
     if drawn:
         start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
@@ -86,7 +87,8 @@ def fit_table(
         )
     if not boxes or camera is None:
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
-    every = [max(parameters.every, -(-len(box.frame) // MOST_BOX_FRAMES)) for box in boxes]
+    apart = -(-parameters.every // step)
+    every = [max(apart, -(-len(box.frame) // MOST_BOX_FRAMES)) for box in boxes]
     tracks = [Track(0, box.prototype, box.seen[::step]) for box, step in zip(boxes, every, strict=True)]
     first = plane_frame(start.normal, start.offset)
     bundle = adjust(
@@ -127,14 +129,22 @@ def _standing_boxes(
     return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and measured[b.prototype]]
 
 
-def _spread(*markers: pa.Table | None) -> list[pa.Table | None]:
-    """The rows of frames spread over the recording, at most ``_MOST_FRAMES``."""
+def _spread(*markers: pa.Table | None) -> tuple[int, list[pa.Table | None]]:
+    """Every so manieth frame, at most ``_MOST_FRAMES``, spread over the recording; and the rows of these."""
     frames = [np.asarray(table["frame"]) for table in markers if table is not None and table.num_rows]
     step = -(-max((int(frame.max()) + 1 for frame in frames), default=1) // _MOST_FRAMES)
-    return [
+    return step, [
         None if table is None else table.filter(pa.array(np.asarray(table["frame"]) % step == 0))
         for table in markers
     ]
+
+
+def _beside(markers: pa.Table | None, moves: NDArray[np.int64]) -> pa.Table | None:
+    """The rows of frames beside moves of the camera, as far from them as is looked at."""
+    if markers is None:
+        return None
+    away = np.asarray(markers["frame"].to_numpy(), np.int64)[:, None] - moves
+    return markers.take(pa.array(np.flatnonzero(np.abs(away).min(1) <= LOOKED_AT)))
 
 
 def standing_points(
@@ -209,8 +219,9 @@ def _run(tables: Tables, images: ImagesByKind, parameters: PlaneParameters) -> d
     plane = fit_table(*evidence) if depth is None else _fit_with_depth(depth, *evidence)
     if depth is None or plane.num_rows < 2:
         return {"table_plane": plane}
-    marks = tables.get("markers_2d"), tables.get("markers_3d")
-    boxes = _standing_boxes(*marks, parameters, unmeasured=True)
+    moves = np.asarray(plane["frame"].to_numpy(), np.int64)[1:]
+    flat, solid = (_beside(tables.get(name), moves) for name in ("markers_2d", "markers_3d"))
+    boxes = _standing_boxes(flat, solid, parameters, unmeasured=True)
     return {
         "table_plane": tied(
             plane,

@@ -25,6 +25,7 @@ from ecat.stages.series import Series, sets_back
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
+    COLUMNS,
     EVIDENCE,
     HandTrack,
     Timeline,
@@ -310,5 +311,6 @@ PROPOSE = Stage(
     parameters=ProposeParameters,
     run=_run,
     optional=EVIDENCE,
+    columns=COLUMNS,
 )
 """The stage that proposes events."""

@@ -22,6 +22,7 @@ from ecat.stages.images import ImagesByKind
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
+    COLUMNS,
     EVIDENCE,
     HandTrack,
     Timeline,
@@ -243,5 +244,6 @@ RELATIONS = Stage(
     parameters=RelationParameters,
     run=_run,
     optional=("poses_smooth", *EVIDENCE),
+    columns=COLUMNS,
 )
 """The stage that finds the relations."""

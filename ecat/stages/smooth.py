@@ -92,7 +92,7 @@ class _Track:
 
 def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> Iterator[pa.Table]:
     objects = sorted({str(name) for name in pc.unique(poses["object_id"]).to_pylist()})
-    tracks = [_track(name, _of(name, poses), parameters) for name in objects]
+    tracks = [_track(name, poses, len(objects), parameters) for name in objects]
     for window, kept in _windows(tracks[0].t_s) if tracks else ():
         m = len(tracks)
         part = poses.slice(window.start * m, (window.stop - window.start) * m)
@@ -124,8 +124,9 @@ def _seconds(track: pa.Table) -> Floats:
     return track["t_ns"].to_numpy() / 1e9
 
 
-def _track(name: str, table: pa.Table, parameters: SmoothParameters) -> _Track:
-    """An object's poses, of two that explain a frame alike the one that agrees with the others."""
+def _track(name: str, poses: pa.Table, m: int, parameters: SmoothParameters) -> _Track:
+    """The poses of one of m objects, of two that explain a frame alike the one that agrees with the others."""
+    table = _of(name, poses.drop_columns("covariance"))
     t_s = _seconds(table)
     sigma_m, sigma_rad = (_column(table, key) for key in ("sigma_m", "sigma_rad"))
     places, turns = (np.stack([_column(table, key) for key in keys], 1) for keys in (PLACE, TURN))
@@ -134,7 +135,8 @@ def _track(name: str, table: pa.Table, parameters: SmoothParameters) -> _Track:
     for rows in _stretches(t_s, _observed(table), parameters.max_gap_s):
         rest = _rests(t_s[rows], places[rows], sigma_m[rows])
         turns[rows] = _same_sign(turns[rows])
-        by_place, by_turn = _covariances(table[rows], turns[rows])
+        part = poses.slice(rows.start * m, (rows.stop - rows.start) * m)
+        by_place, by_turn = _covariances(name, part, m, turns[rows])
         place = _noise(places[rows], by_place, rest)
         stretches.append(_Stretch(rows, place, _noise(turns[rows], by_turn, rest)))
     return _Track(name, t_s, places, turns, stretches)
@@ -174,16 +176,17 @@ def _smoothed(track: _Track, window: slice, table: pa.Table, parameters: SmoothP
     return ObjectPoses(track.name, numbers, lists, source, free, n_faces.astype(np.int64))
 
 
-def _covariances(table: pa.Table, turns: Floats) -> tuple[Floats, Floats]:
-    """Of places (n, 3, 3), and of the turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6) only of some rows."""
-    places: list[Floats] = []
-    by_turn: list[Floats] = []
+def _covariances(name: str, poses: pa.Table, m: int, turns: Floats) -> tuple[Floats, Floats]:
+    """Of one of m objects' places (n, 3, 3), and of its turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6)
+    only of some frames at a time.
+    """
+    places, by_turn = np.empty((len(turns), 3, 3)), np.empty((len(turns), 4, 4))
     for start in range(0, len(turns), _WINDOW):
         rows = slice(start, start + _WINDOW)
-        covariance = pose_covariances(table[rows])
-        places.append(covariance[:, :3, :3].copy())
-        by_turn.append(_quaternion_covariance(turns[rows], covariance[:, 3:, 3:]))
-    return np.concatenate(places), np.concatenate(by_turn)
+        covariance = pose_covariances(_of(name, poses.slice(start * m, _WINDOW * m)))
+        places[rows] = covariance[:, :3, :3]
+        by_turn[rows] = _quaternion_covariance(turns[rows], covariance[:, 3:, 3:])
+    return places, by_turn
 
 
 def _observed(table: pa.Table) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import pyarrow as pa
@@ -26,6 +26,7 @@ class Stage:
     name, version : recorded with every result; a change of either makes stored results stale.
     inputs, images : tables it reads, and kinds of streams (color, depth) it looks at; ``optional`` ones may be missing
         from what ``run`` is given.
+    columns : of an input, by its name, all that it reads, where that is not all there is.
     outputs : tables it makes.
     parameters : the frozen dataclass of its parameters, every field with a default.
     run : the function itself; it opens no file and keeps no state.
@@ -40,4 +41,5 @@ class Stage:
     run: Callable[[Tables, ImagesByKind, Any], dict[str, pa.Table]]
     optional: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     recorded: Callable[[Any], Any] = _all

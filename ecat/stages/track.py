@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.geometry.boxes import from_leftmost
-from ecat.geometry.detection import Detector
+from ecat.geometry.detection import Detector, Found
 from ecat.model.prototype import BoxPrototype, MarkerFace
 from ecat.stages.depth_gauge import DepthGauge
 from ecat.stages.images import Images, ImagesByKind
@@ -23,8 +24,7 @@ from ecat.stages.tracker import Tracker, TrackParameters
 from ecat.tables import MARKERS_2D
 
 _ORIGIN, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-_KEPT_APART = 512
-_AT_ONCE = 4096
+_AT_ONCE = 512
 
 
 def track_markers(
@@ -52,17 +52,10 @@ def track_markers(
         )
     )
     tracker = Tracker(detector, parameters, gauge)
-    parts: list[FoundInAll] = []
-    joined = 0
+    found = _Tracks(detector, color, parameters)
     for i, faces in enumerate(tracker.follow(map(_grey, color))):
-        if len(faces):
-            parts.append(FoundInAll.of(i, faces))
-        if len(parts) - joined >= _KEPT_APART:
-            # an hour of small arrays is many times as large as its numbers
-            parts[joined:] = [FoundInAll.joined(parts[joined:])]
-            joined += 1
-    tables = _tables(FoundInAll.joined(parts), detector, color, parameters) if parts else ()
-    return pa.concat_tables([MARKERS_2D.arrow.empty_table(), *tables])
+        found.add(i, faces)
+    return found.table()
 
 
 def object_ids(prototypes: Sequence[BoxPrototype]) -> list[str]:
@@ -84,28 +77,56 @@ def _grey(image: NDArray[Any]) -> NDArray[np.uint8]:
     return np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def _seen_enough(images: NDArray[np.int32], n_images: int, parameters: TrackParameters) -> bool:
-    """Whether there are enough sightings (ascending image numbers) among some consecutive images."""
-    seen = np.unique(images)
-    # a recording of a few images cannot show more
-    needed = max(1, min(parameters.sightings, n_images))
-    return bool((seen[needed - 1 :] - seen[: max(len(seen) - needed + 1, 0)] < parameters.within).any())
+class _Tracks:
+    """The rows of ``markers_2d``, made while the video is looked at: what is found in an hour is larger than they."""
+
+    def __init__(self, detector: Detector, color: Images, parameters: TrackParameters) -> None:
+        self._detector, self._color, self._parameters = detector, color, parameters
+        self._waiting: list[FoundInAll] = []
+        self._parts = [MARKERS_2D.arrow.empty_table()]
+        # a recording of a few images cannot show more
+        needed = max(1, min(parameters.sightings, len(color)))
+        self._last: dict[int, deque[int]] = defaultdict(lambda: deque(maxlen=needed))
+        self._believed: set[int] = set()
+
+    def add(self, image: int, faces: Found) -> None:
+        """The faces found in an image; images come in their order."""
+        if not len(faces):
+            return
+        self._waiting.append(FoundInAll.of(image, faces))
+        for box in np.unique(faces.box).tolist():
+            last = self._last[box]
+            last.append(image)
+            if len(last) == last.maxlen and last[-1] - last[0] < self._parameters.within:
+                self._believed.add(box)
+        if len(self._waiting) >= _AT_ONCE:
+            self._settle()
+
+    def table(self) -> pa.Table:
+        """All rows of the boxes that were seen often enough."""
+        self._settle()
+        if self._believed >= self._last.keys():
+            return pa.concat_tables(self._parts)
+        ids = _names(self._detector, self._parameters)
+        believed = pa.array([ids[box] for box in sorted(self._believed)], pa.string())
+        return pa.concat_tables(
+            part.filter(pc.is_in(part["object_id"].cast(pa.string()), believed)) for part in self._parts
+        )
+
+    def _settle(self) -> None:
+        if self._waiting:
+            found = FoundInAll.joined(self._waiting)
+            self._waiting.clear()
+            self._parts.append(_table(found, self._detector, self._color, self._parameters))
 
 
-def _tables(
-    seen: FoundInAll, detector: Detector, color: Images, parameters: TrackParameters
-) -> Iterator[pa.Table]:
-    """The rows of the boxes that were seen often enough, those of some images at a time."""
-    for box in np.unique(seen.box):
-        if not _seen_enough(seen.image[seen.box == box], len(color), parameters):
-            seen = seen[seen.box != box]
-    first = np.searchsorted(seen.image, np.arange(0, len(color) + _AT_ONCE, _AT_ONCE))
-    for start, end in pairwise(first.tolist()):
-        yield _table(seen[start:end], detector, color, parameters)
+def _names(detector: Detector, parameters: TrackParameters) -> Sequence[str]:
+    """The object that each box is."""
+    return parameters.objects or object_ids(detector.prototypes)
 
 
 def _table(found: FoundInAll, detector: Detector, color: Images, parameters: TrackParameters) -> pa.Table:
-    ids, images = np.array(parameters.objects or object_ids(detector.prototypes), object), found.image
+    ids, images = np.array(_names(detector, parameters), object), found.image
     x, y = found.rings[..., 0], found.rings[..., 1]
     area = 0.5 * np.abs((x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(1))
     names, frame = ids[found.box], np.asarray(color.frame)[images]

@@ -13,8 +13,9 @@ import pytest
 from ecat.errors import EcatError, InputError
 from ecat.model import Camera, Manifest
 from ecat.process import process_session
-from ecat.process.inputs import sane, session_camera
+from ecat.process.inputs import StageTables, sane, session_camera
 from ecat.sample import sample_session
+from ecat.stages import Stage
 from ecat.store import Draft, TableData, create_session
 
 CAMERA = Camera(name="color", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240)
@@ -77,3 +78,27 @@ def test_absurd_marks_lead_to_poses_or_to_one_error_and_to_no_warning(
         assert error.where  # noqa: PT017  either is right, anything else is not
     else:
         assert report.ran == ("plane", "pose", "smooth", "relations", "propose")
+
+
+def _reading(name: str, columns: dict[str, tuple[str, ...]]) -> Stage:
+    inputs = ("poses", "clock")
+    return Stage(name, 1, inputs, (), object, lambda *_: {}, optional=inputs, columns=columns)
+
+
+def test_stages_that_run_side_by_side_share_what_they_read(tmp_path: Path) -> None:
+    session = create_session(tmp_path / "s", sample_session(seed=1, actions=("next",))[0])
+    process_session(session.path)
+    session = session.refresh()
+    places, turns = (
+        _reading(name, {"poses": ("frame", *columns)})
+        for name, columns in (("places", ("x", "y", "z")), ("turns", ("qx", "qw")))
+    )
+
+    both = StageTables(session, (places, turns))
+    alone = StageTables(session, (places,)).of(places)["poses"]
+    whole = StageTables(session, (places, _reading("whole", {}))).of(places)["poses"]
+
+    assert both.of(places)["poses"] is both.of(turns)["poses"]
+    assert set(both.of(places)["poses"].column_names) == {"frame", "x", "y", "z", "qx", "qw"}
+    assert set(alone.column_names) == {"frame", "x", "y", "z"}
+    assert whole.equals(session.table("poses").to_arrow())

@@ -115,3 +115,24 @@ def test_the_stage_is_the_function(generated: Generated) -> None:
     made = PLANE.run({"keyframes": keyframes}, {}, PLANE.parameters())
     assert tuple(made) == PLANE.outputs
     assert off(made["table_plane"]) == pytest.approx((0, 0), abs=1e-4)
+
+
+def test_of_a_long_recording_frames_spread_over_it_give_the_plane(generated: Generated) -> None:
+    session = generated(300)
+    assert session.markers_2d is not None
+    parameters = measured(session.prototype)
+    whole = fit_table(session.polygon, session.markers_2d, None, parameters)
+    at = session.markers_2d.schema.get_field_index("frame")
+    # five hours in which a box is seen now and then
+    frame = pa.array(session.markers_2d["frame"].to_numpy() * 1800)
+    sparse = session.markers_2d.set_column(at, session.markers_2d.schema.field("frame"), frame.cast("int32"))
+
+    plane = fit_table(session.polygon, sparse, None, parameters)
+
+    # neighbours are no longer left out: they are a minute apart
+    few, many = (fit["n_inliers"].to_pylist()[0] for fit in (whole, plane))
+    assert few is not None
+    assert many is not None
+    assert many > 2 * few
+    assert off(plane)[0] < 0.3
+    assert off(plane)[1] < 2
