@@ -18,7 +18,6 @@ PAST_COS = 0.31
 _CHUNK = 2_048
 _STEPS = np.linspace(-1.0, 1.0, 5)
 _EDGES: Floats = np.array([p for p in product(_STEPS, repeat=3) if sum(abs(v) == 1.0 for v in p) >= 2])
-_CORNERS: Floats = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 @dataclass(frozen=True)
@@ -130,17 +129,20 @@ def overhang(a: Rigid, b: Rigid, b_size: Floats) -> Floats:
 
     A body stands as long as its centre of gravity is over what carries it.
     """
-    corners = np.einsum("nij,kj->nki", b.rotation, _CORNERS * (b_size / 2))[..., :2]
     # of an upright box this is its outline; of a tilted one, the rectangle along the same axes that holds it
     along = b.rotation[:, :2, 0]
     along = along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
     across = np.stack([-along[:, 1], along[:, 0]], -1)
     offset = (a.translation - b.translation)[:, :2]
     beyond = [
-        np.abs((offset * axis).sum(-1)) - np.abs(np.einsum("nki,ni->nk", corners, axis)).max(1)
-        for axis in (along, across)
+        np.abs((offset * axis).sum(-1)) - _reach(b.rotation[:, :2], axis, b_size) for axis in (along, across)
     ]
     return np.hypot(*(np.maximum(side, 0.0) for side in beyond))
+
+
+def _reach(axes: Floats, direction: Floats, size: Floats) -> Floats:
+    """How far (n,) boxes go from their middles along directions (n, k), ``axes`` (n, k, 3) being theirs."""
+    return (np.abs(np.einsum("nij,ni->nj", axes, direction)) * (size / 2)).sum(-1)
 
 
 def height_over(a: Rigid, b: Rigid, a_size: Floats, b_size: Floats) -> Floats:

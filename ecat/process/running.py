@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -29,11 +30,14 @@ from ecat.process.memory import give_back
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
 from ecat.progress import Progress, silent
-from ecat.store import Commit, Session, TableData, open_session
+from ecat.store import Commit, Session, TableData, open_session, set_aside
 from ecat.store.together import run_together
 
 if TYPE_CHECKING:
-    from ecat.stages.stage import Stage
+    from ecat.stages.images import ImagesByKind
+    from ecat.stages.stage import Stage, Tables
+
+_Rows: TypeAlias = pa.Table | Iterable[pa.RecordBatch]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,10 +158,11 @@ class _Run:
         due = [job for stage in independent if (job := self._due(stage, force=force)) is not None]
         if due:
             self._say(", ".join(job.stage.name for job in due))
-        for job, made in zip(due, _all_computed(self._session, self._images, due), strict=True):
-            if isinstance(made, EcatError):
-                raise made
-            self._keep(job, made)
+        with ExitStack() as aside:
+            for job, made in zip(due, _all_computed(self._session, self._images, due, aside), strict=True):
+                if isinstance(made, EcatError):
+                    raise made
+                self._keep(job, made)
 
     def _due(self, stage: Stage, *, force: bool) -> _Due | None:
         """What a stage is run with, if it applies and is out of date."""
@@ -175,7 +180,7 @@ class _Run:
             return None
         return _Due(stage, parameters, said, hashes, boxes)
 
-    def _keep(self, job: _Due, made: Mapping[str, pa.Table]) -> None:
+    def _keep(self, job: _Due, made: Mapping[str, _Rows]) -> None:
         """Write the tables that a stage made, and what follows from them."""
         stage, session = job.stage, self._session
         with session.write() as commit:
@@ -192,11 +197,12 @@ class _Run:
                         inputs=job.hashes,
                     ),
                 )
-            if PROPOSED & made.keys():
-                self._propose(commit, made, job.boxes)
+            whole = {name: table for name, table in made.items() if isinstance(table, pa.Table)}
+            if PROPOSED & whole.keys():
+                self._propose(commit, whole, job.boxes)
         self.ran.append(stage.name)
-        if "table_plane" in made and (rows := made["table_plane"].num_rows) > 1:
-            moved = ", ".join(map(str, made["table_plane"]["frame"].to_pylist()[1:]))
+        if "table_plane" in whole and (rows := whole["table_plane"].num_rows) > 1:
+            moved = ", ".join(map(str, whole["table_plane"]["frame"].to_pylist()[1:]))
             self.findings.append(
                 f"the camera moved: the table was fitted {rows} times, anew from frame {moved}"
             )
@@ -250,15 +256,18 @@ class _Run:
 
 
 def _all_computed(
-    session: Session, images: StageImages, due: Sequence[_Due]
-) -> list[dict[str, pa.Table] | EcatError]:
-    """What each of the stages makes, or why it makes nothing, which keeps none of the others from coming to its end."""
-    made: list[dict[str, pa.Table] | EcatError] = [{} for _ in due]
+    session: Session, images: StageImages, due: Sequence[_Due], aside: ExitStack
+) -> list[dict[str, _Rows] | EcatError]:
+    """What each of the stages makes, or why it makes nothing, which keeps none of the others from coming to its end.
+
+    What is made part by part can be read, once, while ``aside`` is open.
+    """
+    made: list[dict[str, _Rows] | EcatError] = [{} for _ in due]
     tables = StageTables(session, [job.stage for job in due])
 
     def run(place: int, job: _Due) -> None:
         try:
-            made[place] = _computed(session, tables, images, job)
+            made[place] = _computed(session, tables.of(job.stage), images.of(job.stage), job, aside)
         except EcatError as error:
             made[place] = error
 
@@ -266,15 +275,20 @@ def _all_computed(
     return made
 
 
-def _computed(session: Session, tables: StageTables, images: StageImages, job: _Due) -> dict[str, pa.Table]:
-    inputs = tables.of(job.stage)
+def _computed(
+    session: Session, inputs: Tables, images: ImagesByKind, job: _Due, aside: ExitStack
+) -> dict[str, _Rows]:
+    what = f"cannot run the stage {job.stage.name} on {session.name}"
     try:
         # what is not finite in the end is null in the table; how it came about is nobody's concern
         with np.errstate(all="ignore"):
-            return job.stage.run(inputs, images.of(job.stage), job.parameters)
+            if job.stage.parts is None:
+                return dict[str, _Rows](job.stage.run(inputs, images, job.parameters))
+            parts = job.stage.parts(inputs, images, job.parameters)
+            return {job.stage.outputs[0]: aside.enter_context(set_aside(parts, session.path, what))}
     except np.linalg.LinAlgError as error:
         raise InputError(
-            f"cannot run the stage {job.stage.name} on {session.name}",
+            what,
             where=f"the data admit no solution ({error})",
             consequence="nothing was changed",
             fix=f"ecat check {session.path}",

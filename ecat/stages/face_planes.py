@@ -63,19 +63,22 @@ def fit_face_planes(
     ------
     CorruptError : the depth images cannot be decoded any further.
     """
-    parameters = parameters or FacePlaneParameters()
-    known = pc.and_(pc.is_valid(markers_2d["code"]), pc.is_valid(markers_2d["order"]))
-    if not pc.all(known).as_py():
-        markers_2d = markers_2d.filter(known)
-    # whole frames at a time: an hour of faces with all that is known of them does not fit into little memory
-    first = np.searchsorted(markers_2d["frame"].to_numpy(), _stretches(markers_2d))
-    camera = None if depth.camera is None else DepthCamera(depth.camera, depth.unit_m)
-    parts = [
-        _planes(markers_2d.slice(start, end - start), depth, camera, parameters)
-        for start, end in pairwise(first.tolist())
-        if camera is not None and len(depth)
-    ]
+    parts = _parts(markers_2d, depth, parameters or FacePlaneParameters())
     return pa.concat_tables([FACE_PLANES.arrow.empty_table(), *parts])
+
+
+def _parts(markers_2d: pa.Table, depth: Images, parameters: FacePlaneParameters) -> Iterator[pa.Table]:
+    """The rows of some frames at a time: an hour of faces with all that is known of them takes much memory."""
+    if markers_2d["code"].null_count or markers_2d["order"].null_count:
+        markers_2d = markers_2d.filter(
+            pc.and_(pc.is_valid(markers_2d["code"]), pc.is_valid(markers_2d["order"]))
+        )
+    if depth.camera is None or not len(depth):
+        return
+    camera = DepthCamera(depth.camera, depth.unit_m)
+    first = np.searchsorted(markers_2d["frame"].to_numpy(), _stretches(markers_2d))
+    for start, end in pairwise(first.tolist()):
+        yield _planes(markers_2d.slice(start, end - start), depth, camera, parameters)
 
 
 def _stretches(markers_2d: pa.Table) -> NDArray[np.int64]:
@@ -226,6 +229,10 @@ def _run(tables: Tables, images: ImagesByKind, parameters: FacePlaneParameters) 
     return {"face_planes": fit_face_planes(tables["markers_2d"], images["depth"], parameters)}
 
 
+def _run_parts(tables: Tables, images: ImagesByKind, parameters: FacePlaneParameters) -> Iterator[pa.Table]:
+    return _parts(tables["markers_2d"], images["depth"], parameters)
+
+
 FACE_PLANES_STAGE = Stage(
     name="face_planes",
     version=2,
@@ -233,5 +240,6 @@ FACE_PLANES_STAGE = Stage(
     outputs=("face_planes",),
     parameters=FacePlaneParameters,
     run=_run,
+    parts=_run_parts,
     images=("depth",),
 )

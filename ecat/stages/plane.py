@@ -144,7 +144,7 @@ def _beside(markers: pa.Table | None, moves: NDArray[np.int64]) -> pa.Table | No
     if markers is None:
         return None
     away = np.asarray(markers["frame"].to_numpy(), np.int64)[:, None] - moves
-    return markers.take(pa.array(np.flatnonzero(np.abs(away).min(1) <= LOOKED_AT)))
+    return markers.take(np.flatnonzero(np.abs(away).min(1) <= LOOKED_AT))
 
 
 def standing_points(

@@ -93,15 +93,24 @@ def estimate_poses(
     missing; ``face_planes`` decide which of two ways a single face leans.  Each frame's pose is in the ``table`` frame
     of the last row of ``table_plane`` that is not later, the first row's before that.
     """
-    parameters = parameters or PoseParameters()
-    markers = (markers_2d, markers_3d)
+    parts = _parts(clock, (markers_2d, markers_3d), table_plane, parameters or PoseParameters(), face_planes)
+    return pa.concat_tables([POSES.arrow.empty_table(), *parts])
+
+
+def _parts(
+    clock: pa.Table,
+    markers: tuple[pa.Table | None, pa.Table | None],
+    table_plane: pa.Table,
+    parameters: PoseParameters,
+    face_planes: pa.Table | None,
+) -> Iterator[pa.Table]:
+    """The rows of some frames at a time."""
     prototypes = object_prototypes(markers, parameters.prototypes, mirrored=parameters.camera.mirrored)
     seen: set[str] = set()
-    parts: list[pa.Table] = []
+    waiting: list[pa.Table] = []
     for table, first, end in _stretches(table_frames(table_plane), clock):
         flat, solid, planes = (
-            None if rows is None else _within(rows, first, end)
-            for rows in (markers_2d, markers_3d, face_planes)
+            None if rows is None else _within(rows, first, end) for rows in (*markers, face_planes)
         )
         faces = read_faces(flat, solid, parameters.camera, planes)
         boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise, prototypes)
@@ -109,13 +118,13 @@ def estimate_poses(
         found = _solid(boxes, [_placed(box, parameters, table) for box in boxes], parameters, table)
         now = _within(clock, first, end)
         known = {box.object_id: _filled(now, box, poses) for box, poses in zip(boxes, found, strict=True)}
-        parts.append(pose_table(now, [known.get(name) or _unknown(now, name) for name in prototypes]))
-    poses = pa.concat_tables([POSES.arrow.empty_table(), *parts])
-    if len(seen) < len(prototypes):  # of some objects there was not one face that can be one
-        poses = poses.filter(
-            pc.is_in(poses["object_id"].cast(pa.string()), pa.array(sorted(seen), pa.string()))
-        )
-    return poses
+        waiting.append(pose_table(now, [known.get(name) or _unknown(now, name) for name in prototypes]))
+        if len(seen) == len(prototypes):
+            yield from waiting
+            waiting.clear()
+    for poses in waiting:  # of some objects there was not one face that can be one
+        known_ids = pa.array(sorted(seen), pa.string())
+        yield poses.filter(pc.is_in(poses["object_id"].cast(pa.string()), known_ids))
 
 
 def _stretches(tables: Sequence[tuple[int, Rigid]], clock: pa.Table) -> Iterator[tuple[Rigid, int, int]]:
@@ -264,6 +273,12 @@ def _run(tables: Tables, images: ImagesByKind, parameters: PoseParameters) -> di
     return {"poses": found}
 
 
+def _run_parts(tables: Tables, images: ImagesByKind, parameters: PoseParameters) -> Iterator[pa.Table]:
+    del images
+    markers = tables.get("markers_2d"), tables.get("markers_3d")
+    return _parts(tables["clock"], markers, tables["table_plane"], parameters, tables.get("face_planes"))
+
+
 POSE = Stage(
     name="pose",
     version=4,
@@ -271,5 +286,6 @@ POSE = Stage(
     outputs=("poses",),
     parameters=PoseParameters,
     run=_run,
+    parts=_run_parts,
     optional=("markers_2d", "markers_3d", "face_planes"),
 )

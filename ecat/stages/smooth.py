@@ -57,9 +57,13 @@ def smooth_poses(
     A recording of more than a minute or two is smoothed in overlapping windows of which the middles are kept.  That
     differs from smoothing it at once by less than a thousandth of the stated sigma.
     """
-    parameters = parameters or SmoothParameters()
-    parts = (part for piece in pieces(poses, table_plane) for part in _smoothed_piece(piece, parameters))
+    parts = _parts(poses, table_plane, parameters or SmoothParameters())
     return pa.concat_tables([POSES_SMOOTH.arrow.empty_table(), *parts])
+
+
+def _parts(poses: pa.Table, table_plane: pa.Table | None, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    for piece in pieces(poses, table_plane):
+        yield from _smoothed_piece(piece, parameters)
 
 
 @dataclass(frozen=True)
@@ -326,6 +330,11 @@ def _run(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> 
     return {"poses_smooth": smoothed}
 
 
+def _run_parts(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    del images
+    return _parts(tables["poses"], tables.get("table_plane"), parameters)
+
+
 SMOOTH = Stage(
     name="smooth",
     version=3,
@@ -333,5 +342,6 @@ SMOOTH = Stage(
     outputs=("poses_smooth",),
     parameters=SmoothParameters,
     run=_run,
+    parts=_run_parts,
     optional=("table_plane",),
 )

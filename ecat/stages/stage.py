@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -30,6 +30,7 @@ class Stage:
     outputs : tables it makes.
     parameters : the frozen dataclass of its parameters, every field with a default.
     run : the function itself; it opens no file and keeps no state.
+    parts : the same for its only output, of which an hour is large: its rows as they are made, some at a time.
     recorded : what of the parameters the result depends on; all of them unless said otherwise.
     """
 
@@ -42,4 +43,5 @@ class Stage:
     optional: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    parts: Callable[[Tables, ImagesByKind, Any], Iterator[pa.Table]] | None = None
     recorded: Callable[[Any], Any] = _all

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from ecat.store.aside import set_aside
 from ecat.store.commit import Commit
 from ecat.store.integrity import (
     Fault,
@@ -57,6 +58,7 @@ __all__ = [
     "project_schema",
     "rebuild_layer",
     "remove_leftovers",
+    "set_aside",
     "staged_file",
     "staged_folder",
     "validate",

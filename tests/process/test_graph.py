@@ -248,7 +248,7 @@ def test_marks_that_no_box_fits_are_one_error(session: Session, monkeypatch: pyt
     def fail(*_: object) -> None:
         raise np.linalg.LinAlgError("singular")
 
-    (broken,) = (replace(stage, run=fail) for stage in STAGES if stage.name == "pose")
+    (broken,) = (replace(stage, parts=fail) for stage in STAGES if stage.name == "pose")
     monkeypatch.setattr("ecat.stages.STAGES", (broken,))
     with pytest.raises(InputError, match="cannot run the stage pose") as caught:
         process_session(session.path, force=True)
