@@ -109,20 +109,18 @@ def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeli
     """A track for each object of a table of poses whose prototype is known, by object id."""
     names = np.array(strings(poses, "object_id"), object)
     rows = np.searchsorted(line.frame, poses["frame"].to_numpy())
-    values = np.stack([np.asarray(poses[n].to_numpy(zero_copy_only=False), float) for n in _NUMBERS], -1)
-    observed, free = (
-        np.array(strings(poses, name), object) == word
-        for name, word in (("source", "observed"), ("support", "free"))
-    )
     found: list[Track] = []
     for name in sorted(set(names.tolist()) & set(boxes)):
-        mine = names == name
+        mine = np.flatnonzero(names == name)
         at = rows[mine]
         numbers = np.full((len(line.frame), len(_NUMBERS)), np.nan)
         flags = np.zeros((2, len(line.frame)), bool)
-        numbers[at], flags[0, at], flags[1, at] = values[mine], observed[mine], free[mine]
-        pose = Rigid.from_quaternion(numbers[:, 3:7], numbers[:, :3])
-        found.append(Track(name, boxes[name], pose, numbers[:, 7], flags[0], flags[1]))
+        for k, column in enumerate(_NUMBERS):
+            numbers[at, k] = poses[column].to_numpy(zero_copy_only=False)[mine]
+        for k, (column, word) in enumerate((("source", "observed"), ("support", "free"))):
+            flags[k, at] = (np.array(strings(poses, column), object) == word)[mine]
+        pose = Rigid.from_quaternion(numbers[:, 3:7], numbers[:, :3].copy())
+        found.append(Track(name, boxes[name], pose, numbers[:, 7].copy(), flags[0], flags[1]))
     return found
 
 
