@@ -7,6 +7,7 @@ import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
+from functools import cached_property
 from threading import Lock
 from types import TracebackType
 from typing import TYPE_CHECKING, cast
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from ecat.geometry.boxfit import Noise
     from ecat.geometry.cameras import Camera
     from ecat.stages.images import Images
+    from ecat.stages.rows import Rows
     from ecat.stages.stage import Stage
 
 CLOCK = "clock"
@@ -41,6 +43,7 @@ space, so that other edits do not make their tables stale.
 """
 MOST_COORDINATE = 1e6
 """Pixels or metres from the origin: what is said to be further away is nowhere, and counts as missing."""
+_ROWS_READ = 1 << 15
 LENS_TERMS = 8
 """Distortion coefficients that ecat's lens model has; OpenCV's others are for thin prisms and tilted sensors."""
 
@@ -51,48 +54,57 @@ def has_marks(session: Session) -> bool:
     return any(record is not None and record.rows for record in records)
 
 
-class StageTables:
-    """The tables of a session that some stages read, each read once for all of them, and of it no more than they use.
+def stage_inputs(session: Session, stage: Stage) -> dict[str, pa.Table | Rows]:
+    """What a stage reads of its inputs, as far as they are there, without coordinates beyond ``MOST_COORDINATE``.
 
-    Coordinates beyond ``MOST_COORDINATE`` are null in them.
+    Raises
+    ------
+    InputError : one that the stage cannot do without is missing.
+    """
+    found: dict[str, pa.Table | Rows] = {}
+    for name in stage.inputs:
+        if name == CLOCK:
+            found[name] = clock_table(session)
+        elif session.has_table(name):
+            partly = name in stage.partly
+            found[name] = StoredRows(session, name) if partly else sane(session.table(name).to_arrow())
+        elif name not in stage.optional:
+            raise InputError(
+                f"cannot run the stage {stage.name} on {session.name}",
+                where=f"there is no table {name}",
+                consequence="nothing was changed",
+                fix=f"ecat process {session.path}",
+            )
+    return found
+
+
+class StoredRows:
+    """A table of a session (:class:`ecat.stages.rows.Rows`), without coordinates beyond ``MOST_COORDINATE``.
+
+    Some thousand rows more than were asked for are read, and kept until others are asked for.
     """
 
-    def __init__(self, session: Session, stages: Sequence[Stage]) -> None:
-        self._session = session
-        self._stages = stages
-        self._read: dict[str, pa.Table] = {}
-        self._lock = Lock()
+    def __init__(self, session: Session, name: str) -> None:
+        self._session, self._name = session, name
+        self._kept = session.table(name).schema.empty_table()
+        self._first = self._end = 0
 
-    def of(self, stage: Stage) -> dict[str, pa.Table]:
-        """The inputs of one of the stages that are there.
+    @cached_property
+    def _frames(self) -> NDArray[np.int64]:
+        return np.asarray(self.select(("frame",))["frame"].to_numpy(), np.int64)
 
-        Raises
-        ------
-        InputError : one that the stage cannot do without is missing.
-        """
-        found: dict[str, pa.Table] = {}
-        for name in stage.inputs:
-            if name == CLOCK:
-                found[name] = clock_table(self._session)
-            elif self._session.has_table(name):
-                found[name] = self._table(name)
-            elif name not in stage.optional:
-                raise InputError(
-                    f"cannot run the stage {stage.name} on {self._session.name}",
-                    where=f"there is no table {name}",
-                    consequence="nothing was changed",
-                    fix=f"ecat process {self._session.path}",
-                )
-        return found
+    def select(self, columns: Sequence[str]) -> pa.Table:
+        """All rows, of these columns."""
+        return sane(self._session.table(self._name, columns=list(columns)).to_arrow())
 
-    def _table(self, name: str) -> pa.Table:
-        with self._lock:  # stages that run side by side ask for the same ones
-            if name not in self._read:
-                used = [stage.columns.get(name) for stage in self._stages if name in stage.inputs]
-                known = [columns for columns in used if columns is not None]
-                columns = None if len(known) < len(used) else sorted({c for some in known for c in some})
-                self._read[name] = sane(self._session.table(name, columns=columns).to_arrow())
-            return self._read[name]
+    def between(self, first: int, end: int) -> pa.Table:
+        """All columns of the rows whose frame is at least ``first`` and below ``end``."""
+        if first < self._first or end > self._end:
+            last = min(int(np.searchsorted(self._frames, first)) + _ROWS_READ, len(self._frames)) - 1
+            self._first, self._end = first, max(end, int(self._frames[last]) + 1 if last >= 0 else end)
+            view = self._session.table(self._name, start_frame=self._first, end_frame=self._end)
+            self._kept = sane(view.to_arrow())
+        return self._kept.filter((pc.field("frame") >= first) & (pc.field("frame") < end))
 
 
 def image_stream(session: Session, kind: str) -> Stream | None:

@@ -25,7 +25,7 @@ from ecat.process.graph import (
     require_stages,
     why_not,
 )
-from ecat.process.inputs import StageImages, StageTables, has_marks, input_hashes
+from ecat.process.inputs import StageImages, has_marks, input_hashes, stage_inputs
 from ecat.process.memory import give_back
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
@@ -35,7 +35,7 @@ from ecat.store.together import run_together
 
 if TYPE_CHECKING:
     from ecat.stages.images import ImagesByKind
-    from ecat.stages.stage import Stage, Tables
+    from ecat.stages.stage import Stage
 
 _Rows: TypeAlias = pa.Table | Iterable[pa.RecordBatch]
 
@@ -263,11 +263,10 @@ def _all_computed(
     What is made part by part can be read, once, while ``aside`` is open.
     """
     made: list[dict[str, _Rows] | EcatError] = [{} for _ in due]
-    tables = StageTables(session, [job.stage for job in due])
 
     def run(place: int, job: _Due) -> None:
         try:
-            made[place] = _computed(session, tables.of(job.stage), images.of(job.stage), job, aside)
+            made[place] = _computed(session, images.of(job.stage), job, aside)
         except EcatError as error:
             made[place] = error
 
@@ -275,9 +274,8 @@ def _all_computed(
     return made
 
 
-def _computed(
-    session: Session, inputs: Tables, images: ImagesByKind, job: _Due, aside: ExitStack
-) -> dict[str, _Rows]:
+def _computed(session: Session, images: ImagesByKind, job: _Due, aside: ExitStack) -> dict[str, _Rows]:
+    inputs = stage_inputs(session, job.stage)
     what = f"cannot run the stage {job.stage.name} on {session.name}"
     try:
         # what is not finite in the end is null in the table; how it came about is nobody's concern

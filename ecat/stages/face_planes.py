@@ -20,6 +20,7 @@ from ecat.geometry.nearest import nearest_in_time
 from ecat.geometry.transforms import Floats
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import Images, ImagesByKind, read_parts
+from ecat.stages.rows import Given, Rows, rows_of, stretches
 from ecat.stages.sightings import PIXELS, Faces, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import FACE_PLANES
@@ -53,7 +54,7 @@ class FacePlaneParameters:
 
 
 def fit_face_planes(
-    markers_2d: pa.Table, depth: Images, parameters: FacePlaneParameters | None = None
+    markers_2d: Given, depth: Images, parameters: FacePlaneParameters | None = None
 ) -> pa.Table:
     """The table ``face_planes``: a row for every marker face in whose middle depth shows a plane.
 
@@ -63,28 +64,18 @@ def fit_face_planes(
     ------
     CorruptError : the depth images cannot be decoded any further.
     """
-    parts = _parts(markers_2d, depth, parameters or FacePlaneParameters())
+    parts = _parts(rows_of(markers_2d), depth, parameters or FacePlaneParameters())
     return pa.concat_tables([FACE_PLANES.arrow.empty_table(), *parts])
 
 
-def _parts(markers_2d: pa.Table, depth: Images, parameters: FacePlaneParameters) -> Iterator[pa.Table]:
+def _parts(markers_2d: Rows, depth: Images, parameters: FacePlaneParameters) -> Iterator[pa.Table]:
     """The rows of some frames at a time: an hour of faces with all that is known of them takes much memory."""
-    if markers_2d["code"].null_count or markers_2d["order"].null_count:
-        markers_2d = markers_2d.filter(
-            pc.and_(pc.is_valid(markers_2d["code"]), pc.is_valid(markers_2d["order"]))
-        )
     if depth.camera is None or not len(depth):
         return
     camera = DepthCamera(depth.camera, depth.unit_m)
-    first = np.searchsorted(markers_2d["frame"].to_numpy(), _stretches(markers_2d))
-    for start, end in pairwise(first.tolist()):
-        yield _planes(markers_2d.slice(start, end - start), depth, camera, parameters)
-
-
-def _stretches(markers_2d: pa.Table) -> NDArray[np.int64]:
-    """The frames at which a stretch begins, and that after the last."""
-    end = int(pc.max(markers_2d["frame"]).as_py()) + 1 if markers_2d.num_rows else 0
-    return np.append(np.arange(0, end, _FRAMES_AT_ONCE), end)
+    for marks in stretches(markers_2d, _FRAMES_AT_ONCE):
+        known = pc.and_(pc.is_valid(marks["code"]), pc.is_valid(marks["order"]))
+        yield _planes(marks.filter(known), depth, camera, parameters)
 
 
 def _planes(
@@ -230,13 +221,14 @@ def _run(tables: Tables, images: ImagesByKind, parameters: FacePlaneParameters) 
 
 
 def _run_parts(tables: Tables, images: ImagesByKind, parameters: FacePlaneParameters) -> Iterator[pa.Table]:
-    return _parts(tables["markers_2d"], images["depth"], parameters)
+    return _parts(rows_of(tables["markers_2d"]), images["depth"], parameters)
 
 
 FACE_PLANES_STAGE = Stage(
     name="face_planes",
     version=2,
     inputs=("markers_2d",),
+    partly=("markers_2d",),
     outputs=("face_planes",),
     parameters=FacePlaneParameters,
     run=_run,

@@ -20,6 +20,7 @@ from ecat.geometry.planes import PlaneFit, fit_plane, plane_frame
 from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion, quaternion_from_matrix
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import Images, ImagesByKind
+from ecat.stages.rows import Given, Rows, frames_of, rows_of, stretches
 from ecat.stages.sightings import BoxSightings, box_sightings, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.table_depth import fit_table_in_depth, outline_table
@@ -52,8 +53,8 @@ class PlaneParameters:
 
 def fit_table(
     polygon: Floats,
-    markers_2d: pa.Table | None = None,
-    markers_3d: pa.Table | None = None,
+    markers_2d: Given | None = None,
+    markers_3d: Given | None = None,
     parameters: PlaneParameters | None = None,
 ) -> pa.Table:
     """The table ``table_plane``, one row for the whole session.
@@ -73,7 +74,7 @@ def fit_table(
     drawn = np.isfinite(polygon).all(1).sum() >= 3
     camera = parameters.camera
     step, (flat, solid) = _spread(markers_2d, markers_3d)
-    boxes = _standing_boxes(flat, solid, parameters, unmeasured=not drawn)
+    boxes = _standing_boxes(flat, solid, parameters, unmeasured=not drawn, step=step)
     if drawn:
         start = fit_plane(polygon, tolerance_m=parameters.tolerance_m)
     elif boxes and camera is not None:
@@ -89,7 +90,7 @@ def fit_table(
         return _rows(start, plane_frame(start.normal, start.offset), "polygon", len(polygon))
     apart = -(-parameters.every // step)
     every = [max(apart, -(-len(box.frame) // MOST_BOX_FRAMES)) for box in boxes]
-    tracks = [Track(0, box.prototype, box.seen[::step]) for box, step in zip(boxes, every, strict=True)]
+    tracks = [Track(0, box.prototype, box.seen[::nth]) for box, nth in zip(boxes, every, strict=True)]
     first = plane_frame(start.normal, start.offset)
     bundle = adjust(
         tracks,
@@ -113,9 +114,10 @@ def _standing_boxes(
     parameters: PlaneParameters,
     *,
     unmeasured: bool,
+    step: int = 1,
 ) -> list[BoxSightings]:
     """Boxes seen often enough, or without a polygon (``unmeasured``) all that are seen; nominal ones only then: they
-    pull the plane to where their tables are wrong.
+    pull the plane to where their tables are wrong.  Of the frames there are, only each ``step``-th is given.
     """
     camera = parameters.camera
     if markers_2d is None or camera is None:
@@ -126,25 +128,35 @@ def _standing_boxes(
     boxes = [b for b in boxes if np.isfinite(b.seen.pixels).any()]
     if unmeasured:
         return boxes
-    return [b for b in boxes if len(b.frame) >= MIN_BOX_FRAMES and measured[b.prototype]]
+    return [b for b in boxes if len(b.frame) * step >= MIN_BOX_FRAMES and measured[b.prototype]]
 
 
-def _spread(*markers: pa.Table | None) -> tuple[int, list[pa.Table | None]]:
+def _spread(*markers: Given | None) -> tuple[int, list[pa.Table | None]]:
     """Every so manieth frame, at most ``_MOST_FRAMES``, spread over the recording; and the rows of these."""
-    frames = [np.asarray(table["frame"]) for table in markers if table is not None and table.num_rows]
-    step = -(-max((int(frame.max()) + 1 for frame in frames), default=1) // _MOST_FRAMES)
-    return step, [
-        None if table is None else table.filter(pa.array(np.asarray(table["frame"]) % step == 0))
-        for table in markers
+    read = [None if given is None else rows_of(given) for given in markers]
+    end = max((int(frames_of(rows).max(initial=-1)) + 1 for rows in read if rows is not None), default=0)
+    step = max(-(-end // _MOST_FRAMES), 1)
+    return step, [None if rows is None else _every(step, rows) for rows in read]
+
+
+def _every(step: int, rows: Rows) -> pa.Table:
+    """The rows of every so manieth frame."""
+    parts = [
+        part.filter(pa.array(np.asarray(part["frame"].to_numpy()) % step == 0))
+        for part in stretches(rows, _MOST_FRAMES)
     ]
+    return pa.concat_tables(parts or [rows.between(0, 0)]).unify_dictionaries()
 
 
-def _beside(markers: pa.Table | None, moves: NDArray[np.int64]) -> pa.Table | None:
+def _beside(given: Given | None, moves: NDArray[np.int64]) -> pa.Table | None:
     """The rows of frames beside moves of the camera, as far from them as is looked at."""
-    if markers is None:
+    if given is None:
         return None
-    away = np.asarray(markers["frame"].to_numpy(), np.int64)[:, None] - moves
-    return markers.take(np.flatnonzero(np.abs(away).min(1) <= LOOKED_AT))
+    rows, end, parts = rows_of(given), 0, list[pa.Table]()
+    for move in moves.tolist():
+        parts.append(rows.between(max(move - LOOKED_AT, end), move + LOOKED_AT + 1))
+        end = move + LOOKED_AT + 1
+    return pa.concat_tables(parts).unify_dictionaries()
 
 
 def standing_points(
@@ -238,8 +250,8 @@ def _run(tables: Tables, images: ImagesByKind, parameters: PlaneParameters) -> d
 def _fit_with_depth(
     depth: Images,
     polygon: Floats,
-    markers_2d: pa.Table | None,
-    markers_3d: pa.Table | None,
+    markers_2d: Given | None,
+    markers_3d: Given | None,
     parameters: PlaneParameters,
 ) -> pa.Table:
     """The plane that depth shows where polygon and boxes have it, or what they say where depth shows none."""
@@ -258,6 +270,7 @@ PLANE = Stage(
     name="plane",
     version=2,
     inputs=("keyframes", "markers_2d", "markers_3d"),
+    partly=("markers_2d", "markers_3d"),
     images=("depth",),
     outputs=("table_plane",),
     parameters=PlaneParameters,

@@ -22,6 +22,7 @@ from ecat.geometry.transforms import Floats, Rigid
 from ecat.geometry.transforms import known as known_numbers
 from ecat.model.prototype import NOMINAL_BOXES, BoxPrototype
 from ecat.stages.images import ImagesByKind
+from ecat.stages.rows import Given, InMemory, rows_of
 from ecat.stages.sightings import BoxSightings, box_sightings, object_prototypes, read_faces
 from ecat.stages.stage import Stage, Tables
 from ecat.tables import POSES, TableSchema
@@ -78,12 +79,12 @@ def table_frames(table_plane: pa.Table) -> list[tuple[int, Rigid]]:
 
 def estimate_poses(
     clock: pa.Table,
-    markers_2d: pa.Table | None,
-    markers_3d: pa.Table | None,
+    markers_2d: Given | None,
+    markers_3d: Given | None,
     table_plane: pa.Table,
     parameters: PoseParameters | None = None,
     *,
-    face_planes: pa.Table | None = None,
+    face_planes: Given | None = None,
 ) -> pa.Table:
     """The table ``poses``: a row for every frame of ``clock`` (frame, t_ns) and every box seen in the
     session.
@@ -99,24 +100,24 @@ def estimate_poses(
 
 def _parts(
     clock: pa.Table,
-    markers: tuple[pa.Table | None, pa.Table | None],
+    markers: tuple[Given | None, Given | None],
     table_plane: pa.Table,
     parameters: PoseParameters,
-    face_planes: pa.Table | None,
+    face_planes: Given | None,
 ) -> Iterator[pa.Table]:
     """The rows of some frames at a time."""
-    prototypes = object_prototypes(markers, parameters.prototypes, mirrored=parameters.camera.mirrored)
+    read = [None if given is None else rows_of(given) for given in (*markers, face_planes)]
+    codes = [None if rows is None else rows.select(("object_id", "code")) for rows in read[:2]]
+    prototypes = object_prototypes(codes, parameters.prototypes, mirrored=parameters.camera.mirrored)
     seen: set[str] = set()
     waiting: list[pa.Table] = []
     for table, first, end in _stretches(table_frames(table_plane), clock):
-        flat, solid, planes = (
-            None if rows is None else _within(rows, first, end) for rows in (*markers, face_planes)
-        )
+        flat, solid, planes = (None if rows is None else rows.between(first, end) for rows in read)
         faces = read_faces(flat, solid, parameters.camera, planes)
         boxes = box_sightings(faces, parameters.prototypes, parameters.camera, parameters.noise, prototypes)
         seen |= {box.object_id for box in boxes}
         found = _solid(boxes, [_placed(box, parameters, table) for box in boxes], parameters, table)
-        now = _within(clock, first, end)
+        now = InMemory(clock).between(first, end)
         known = {box.object_id: _filled(now, box, poses) for box, poses in zip(boxes, found, strict=True)}
         waiting.append(pose_table(now, [known.get(name) or _unknown(now, name) for name in prototypes]))
         if len(seen) == len(prototypes):
@@ -134,11 +135,6 @@ def _stretches(tables: Sequence[tuple[int, Rigid]], clock: pa.Table) -> Iterator
     for (_, table), start, stop in zip(tables, starts, starts[1:], strict=False):
         for first in range(start, stop, _FRAMES_AT_ONCE):
             yield table, first, min(first + _FRAMES_AT_ONCE, stop)
-
-
-def _within(table: pa.Table, first: int, end: int) -> pa.Table:
-    """The rows of the frames from ``first`` up to ``end``."""
-    return table.filter((pc.field("frame") >= first) & (pc.field("frame") < end))
 
 
 def _placed(box: BoxSightings, parameters: PoseParameters, table: Rigid) -> BoxPoses:
@@ -283,6 +279,7 @@ POSE = Stage(
     name="pose",
     version=4,
     inputs=("clock", "table_plane", "markers_2d", "markers_3d", "face_planes"),
+    partly=("markers_2d", "markers_3d", "face_planes"),
     outputs=("poses",),
     parameters=PoseParameters,
     run=_run,

@@ -25,13 +25,13 @@ from ecat.stages.series import Series, sets_back
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
-    COLUMNS,
     EVIDENCE,
     HandTrack,
     Timeline,
     Track,
     evidence,
     object_boxes,
+    poses_of,
     read_hands,
     read_tracks,
     timeline,
@@ -295,7 +295,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: ProposeParameters) ->
     del images
     found = propose_events(
         tables["clock"],
-        tables["poses"],
+        poses_of(tables["poses"]),
         tables["table_plane"],
         **evidence(tables),
         parameters=parameters,
@@ -310,7 +310,7 @@ PROPOSE = Stage(
     outputs=("event_proposals",),
     parameters=ProposeParameters,
     run=_run,
+    partly=("poses", *EVIDENCE),
     optional=EVIDENCE,
-    columns=COLUMNS,
 )
 """The stage that proposes events."""

@@ -22,13 +22,13 @@ from ecat.stages.images import ImagesByKind
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.stages.tracks import (
-    COLUMNS,
     EVIDENCE,
     HandTrack,
     Timeline,
     Track,
     evidence,
     object_boxes,
+    poses_of,
     read_hands,
     read_tracks,
     timeline,
@@ -43,6 +43,7 @@ _AXES = {
     "IN_FRONT_OF": (0.0, -1.0),
     "BEHIND": (0.0, 1.0),
 }
+_AT_ONCE = 8192
 _CENTRE_SHARE = 0.25
 """Two middles nearer than this share of the boxes' edges, seen from above, are in no direction from each other."""
 
@@ -166,7 +167,8 @@ def _of_two(a: Track, b: Track, line: Timeline, parameters: RelationParameters) 
     known = np.isfinite(sigma)
     gap = np.full(len(sigma), np.nan)
     rows = np.flatnonzero(known)
-    gap[rows] = measure.box_gap(_at(a, rows), _at(b, rows), a.size_m, b.size_m)
+    for some in np.split(rows, range(_AT_ONCE, len(rows), _AT_ONCE)):
+        gap[some] = measure.box_gap(_at(a, some), _at(b, some), a.size_m, b.size_m)
     for predicate, threshold in (("TOUCHING", parameters.touching), ("NEAR", parameters.near)):
         yield from (_Fact(predicate, pair, span) for span in held(line.t_s, gap, sigma, threshold))
     apart = np.linalg.norm((a.pose.translation - b.pose.translation)[:, :2], axis=1)
@@ -228,7 +230,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: RelationParameters) -
     del images
     found = propose_relations(
         tables["clock"],
-        tables.get("poses_smooth", tables["poses"]),
+        poses_of(tables.get("poses_smooth", tables["poses"])),
         tables["table_plane"],
         **evidence(tables),
         parameters=parameters,
@@ -243,7 +245,7 @@ RELATIONS = Stage(
     outputs=("relation_proposals",),
     parameters=RelationParameters,
     run=_run,
+    partly=("poses", "poses_smooth", *EVIDENCE),
     optional=("poses_smooth", *EVIDENCE),
-    columns=COLUMNS,
 )
 """The stage that finds the relations."""

@@ -11,16 +11,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ecat.errors import InputError
 from ecat.geometry.rest import Stillness, find_rests
 from ecat.geometry.smoothing import Smoothness, random_share, smooth_track
 from ecat.geometry.transforms import Floats, known, quaternion_angle, skew
 from ecat.stages.images import ImagesByKind
 from ecat.stages.pose import LISTS, NUMBERS, UPPER, ObjectPoses, pose_table
+from ecat.stages.rows import InMemory, Rows, rows_of
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
+_LOOKED_AT = ("t_ns", "frame", "object_id", "source", *PLACE, *TURN, "sigma_m", "sigma_rad", "alternative")
+"""What is read of a whole recording; the covariances, which are as much again, a window at a time."""
 _STILL_M = 0.005
 _WINDOW = 3000
 """So many frames are smoothed at once, that memory does not grow with a recording."""
@@ -57,13 +61,13 @@ def smooth_poses(
     A recording of more than a minute or two is smoothed in overlapping windows of which the middles are kept.  That
     differs from smoothing it at once by less than a thousandth of the stated sigma.
     """
-    parts = _parts(poses, table_plane, parameters or SmoothParameters())
+    parts = _parts(rows_of(poses), table_plane, parameters or SmoothParameters())
     return pa.concat_tables([POSES_SMOOTH.arrow.empty_table(), *parts])
 
 
-def _parts(poses: pa.Table, table_plane: pa.Table | None, parameters: SmoothParameters) -> Iterator[pa.Table]:
-    for piece in pieces(poses, table_plane):
-        yield from _smoothed_piece(piece, parameters)
+def _parts(poses: Rows, table_plane: pa.Table | None, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    for piece in pieces(poses.select(("frame", "object_id")), table_plane):
+        yield from _smoothed_piece(piece, poses, parameters)
 
 
 @dataclass(frozen=True)
@@ -94,17 +98,24 @@ class _Track:
     stretches: list[_Stretch]
 
 
-def _smoothed_piece(poses: pa.Table, parameters: SmoothParameters) -> Iterator[pa.Table]:
-    objects = sorted({str(name) for name in pc.unique(poses["object_id"]).to_pylist()})
-    tracks = [_track(name, poses, len(objects), parameters) for name in objects]
-    for window, kept in _windows(tracks[0].t_s) if tracks else ():
-        m = len(tracks)
-        part = poses.slice(window.start * m, (window.stop - window.start) * m)
+def _smoothed_piece(piece: pa.Table, poses: Rows, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    """The rows of ``piece``, which has ``frame`` and ``object_id``."""
+    objects = sorted({str(name) for name in pc.unique(piece["object_id"]).to_pylist()})
+    if not objects:
+        return
+    frame = np.asarray(_of(objects[0], piece)["frame"].to_numpy(), np.int64)
+    tracks = [_track(name, poses, frame, parameters) for name in objects]
+    for window, kept in _windows(tracks[0].t_s):
+        part = _between(poses, frame[window])
         smoothed = [_smoothed(track, window, _of(track.name, part), parameters) for track in tracks]
+        first, last = (len(tracks) * (row - window.start) for row in (kept.start, kept.stop))
         clock = _of(tracks[0].name, part)
-        yield pose_table(clock, smoothed, POSES_SMOOTH).slice(
-            (kept.start - window.start) * m, (kept.stop - kept.start) * m
-        )
+        yield pose_table(clock, smoothed, POSES_SMOOTH).slice(first, last - first)
+
+
+def _between(poses: Rows, frame: NDArray[np.int64]) -> pa.Table:
+    """The rows of some frames (n,), ascending."""
+    return poses.between(int(frame[0]), int(frame[-1]) + 1)
 
 
 def _of(name: str, poses: pa.Table) -> pa.Table:
@@ -128,19 +139,27 @@ def _seconds(track: pa.Table) -> Floats:
     return track["t_ns"].to_numpy() / 1e9
 
 
-def _track(name: str, poses: pa.Table, m: int, parameters: SmoothParameters) -> _Track:
-    """The poses of one of m objects, of two that explain a frame alike the one that agrees with the others."""
-    table = _of(name, poses.drop_columns("covariance"))
+def _track(name: str, poses: Rows, frame: NDArray[np.int64], parameters: SmoothParameters) -> _Track:
+    """An object's poses in these frames, of two that explain a frame alike the one that agrees with the others."""
+    table = _of(name, _between(InMemory(poses.select(_LOOKED_AT)), frame))
+    if not np.array_equal(table["frame"].to_numpy(), frame):
+        raise InputError(
+            "cannot smooth the poses",
+            where=f"table poses: {name} has not a row for each frame that other objects have rows for",
+            consequence="nothing was changed",
+            fix="write a row for every frame and object, with nulls where a pose is unknown",
+        )
     t_s = _seconds(table)
     sigma_m, sigma_rad = (_column(table, key) for key in ("sigma_m", "sigma_rad"))
     places, turns = (np.stack([_column(table, key) for key in keys], 1) for keys in (PLACE, TURN))
     _decide(t_s, (places, turns), sigma_rad, _lists(table, "alternative"), parameters)
+    observed = _observed(table)
+    del table
     stretches: list[_Stretch] = []
-    for rows in _stretches(t_s, _observed(table), parameters.max_gap_s):
+    for rows in _stretches(t_s, observed, parameters.max_gap_s):
         rest = _rests(t_s[rows], places[rows], sigma_m[rows])
         turns[rows] = _same_sign(turns[rows])
-        part = poses.slice(rows.start * m, (rows.stop - rows.start) * m)
-        by_place, by_turn = _covariances(name, part, m, turns[rows])
+        by_place, by_turn = _covariances(name, poses, frame[rows], turns[rows])
         place = _noise(places[rows], by_place, rest)
         stretches.append(_Stretch(rows, place, _noise(turns[rows], by_turn, rest)))
     return _Track(name, t_s, places, turns, stretches)
@@ -180,14 +199,14 @@ def _smoothed(track: _Track, window: slice, table: pa.Table, parameters: SmoothP
     return ObjectPoses(track.name, numbers, lists, source, free, n_faces.astype(np.int64))
 
 
-def _covariances(name: str, poses: pa.Table, m: int, turns: Floats) -> tuple[Floats, Floats]:
-    """Of one of m objects' places (n, 3, 3), and of its turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6)
-    only of some frames at a time.
+def _covariances(name: str, poses: Rows, frame: NDArray[np.int64], turns: Floats) -> tuple[Floats, Floats]:
+    """Of an object's places (n, 3, 3), and of its turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6) only of
+    some frames at a time.
     """
     places, by_turn = np.empty((len(turns), 3, 3)), np.empty((len(turns), 4, 4))
     for start in range(0, len(turns), _WINDOW):
         rows = slice(start, start + _WINDOW)
-        covariance = pose_covariances(_of(name, poses.slice(start * m, _WINDOW * m)))
+        covariance = pose_covariances(_of(name, _between(poses, frame[rows])))
         places[rows] = covariance[:, :3, :3]
         by_turn[rows] = _quaternion_covariance(turns[rows], covariance[:, 3:, 3:])
     return places, by_turn
@@ -332,13 +351,14 @@ def _run(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> 
 
 def _run_parts(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> Iterator[pa.Table]:
     del images
-    return _parts(tables["poses"], tables.get("table_plane"), parameters)
+    return _parts(rows_of(tables["poses"]), tables.get("table_plane"), parameters)
 
 
 SMOOTH = Stage(
     name="smooth",
     version=3,
     inputs=("poses", "table_plane"),
+    partly=("poses",),
     outputs=("poses_smooth",),
     parameters=SmoothParameters,
     run=_run,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import pyarrow as pa
 
 from ecat.stages.images import ImagesByKind
 
-Tables: TypeAlias = Mapping[str, pa.Table]
+Tables: TypeAlias = Mapping[str, Any]
+"""Tables by their names; those that the stage reads partly as :class:`ecat.stages.rows.Rows`."""
 
 
 def _all(parameters: Any) -> Any:
@@ -26,7 +27,7 @@ class Stage:
     name, version : recorded with every result; a change of either makes stored results stale.
     inputs, images : tables it reads, and kinds of streams (color, depth) it looks at; ``optional`` ones may be missing
         from what ``run`` is given.
-    columns : of an input, by its name, all that it reads, where that is not all there is.
+    partly : inputs of which it reads some columns, or some frames at a time.
     outputs : tables it makes.
     parameters : the frozen dataclass of its parameters, every field with a default.
     run : the function itself; it opens no file and keeps no state.
@@ -42,6 +43,6 @@ class Stage:
     run: Callable[[Tables, ImagesByKind, Any], dict[str, pa.Table]]
     optional: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
-    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    partly: tuple[str, ...] = ()
     parts: Callable[[Tables, ImagesByKind, Any], Iterator[pa.Table]] | None = None
     recorded: Callable[[Any], Any] = _all

@@ -11,9 +11,10 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ecat.geometry.moves import Move
-from ecat.geometry.transforms import Floats, Rigid
+from ecat.geometry.transforms import Floats, Rigid, matrix_from_quaternion
 from ecat.model.prototype import BoxPrototype
 from ecat.stages.pose import table_frames
+from ecat.stages.rows import Given, rows_of
 from ecat.stages.sightings import object_prototypes, strings
 from ecat.stages.stage import Tables
 
@@ -109,6 +110,10 @@ def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeli
     """A track for each object of a table of poses whose prototype is known, by object id."""
     names = np.array(strings(poses, "object_id"), object)
     rows = np.searchsorted(line.frame, poses["frame"].to_numpy())
+    flagged = [
+        np.array(strings(poses, column), object) == word
+        for column, word in (("source", "observed"), ("support", "free"))
+    ]
     found: list[Track] = []
     for name in sorted(set(names.tolist()) & set(boxes)):
         mine = np.flatnonzero(names == name)
@@ -117,9 +122,11 @@ def read_tracks(poses: pa.Table, boxes: Mapping[str, BoxPrototype], line: Timeli
         flags = np.zeros((2, len(line.frame)), bool)
         for k, column in enumerate(_NUMBERS):
             numbers[at, k] = poses[column].to_numpy(zero_copy_only=False)[mine]
-        for k, (column, word) in enumerate((("source", "observed"), ("support", "free"))):
-            flags[k, at] = (np.array(strings(poses, column), object) == word)[mine]
-        pose = Rigid.from_quaternion(numbers[:, 3:7], numbers[:, :3].copy())
+        for k, flag in enumerate(flagged):
+            flags[k, at] = flag[mine]
+        # an hour at once would take five times the memory of what comes out
+        turns = np.split(numbers[:, 3:7], range(_AT_ONCE, len(numbers), _AT_ONCE))
+        pose = Rigid(np.concatenate([matrix_from_quaternion(turn) for turn in turns]), numbers[:, :3].copy())
         found.append(Track(name, boxes[name], pose, numbers[:, 7].copy(), flags[0], flags[1]))
     return found
 
@@ -128,20 +135,25 @@ EVIDENCE = ("joints", "markers_2d", "markers_3d")
 """Tables that tell more than poses do: who was there, and how large the boxes are."""
 _NUMBERS = ("x", "y", "z", "qx", "qy", "qz", "qw", "sigma_m")
 _POSE_COLUMNS = ("frame", "object_id", *_NUMBERS, "source", "support")
+_AT_ONCE = 8192
 _MARK_COLUMNS = ("object_id", "code")
-COLUMNS = {
-    "poses": _POSE_COLUMNS,
-    "poses_smooth": _POSE_COLUMNS,
+_COLUMNS = {
     "joints": ("frame", "body", "object_id", "joint", "state", "x", "y", "z"),
     "markers_2d": _MARK_COLUMNS,
     "markers_3d": _MARK_COLUMNS,
 }
-"""What is read here of these tables: of an hour, the rest would fill 150 MB."""
 
 
 def evidence(tables: Tables) -> dict[str, pa.Table | None]:
-    """The tables that tell more than poses do, as keyword arguments; None where a session has them not."""
-    return {name: tables.get(name) for name in EVIDENCE}
+    """What is read of the tables that tell more than poses do, as keyword arguments; None where there are none."""
+    return {
+        name: rows_of(tables[name]).select(_COLUMNS[name]) if name in tables else None for name in EVIDENCE
+    }
+
+
+def poses_of(poses: Given) -> pa.Table:
+    """What is read of a table of poses: where boxes are, without the covariances, which are most of it."""
+    return rows_of(poses).select(_POSE_COLUMNS)
 
 
 def read_hands(

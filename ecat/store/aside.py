@@ -19,8 +19,8 @@ from ecat.store import files
 def set_aside(parts: Iterable[pa.Table], folder: Path, what: str) -> Generator[Iterable[pa.RecordBatch]]:
     """The rows of all ``parts``, which are made now, to be read within the block, once.
 
-    A single part stays in memory.  More go to a file in ``folder`` that has no name, and is gone with the process
-    whatever becomes of it.
+    A single part stays in memory.  More go to a temporary file in ``folder``, which on Linux has no name, and is gone
+    with the process whatever becomes of it.
 
     Raises
     ------

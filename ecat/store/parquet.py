@@ -187,9 +187,11 @@ def read_groups(file: pq.ParquetFile, bounds: Sequence[Bound], columns: Sequence
     groups = [i for i in range(file.num_row_groups) if _wanted(file.metadata.row_group(i), bounds)]
     needed = None if columns is None else [*columns, *(b.column for b in bounds if b.column not in columns)]
     many = file.metadata.num_rows >= _MANY_ROWS
-    # one after the other: all at once they take twice the memory of the rows, and no less time
-    parts = [file.read_row_groups([i], columns=needed, use_threads=many) for i in groups]
-    table = pa.concat_tables(parts or [file.read_row_groups([], columns=needed)])
+    if groups and needed != []:
+        # one after the other: all at once they take twice the memory of the rows, and no less time
+        table = pa.concat_tables(file.read_row_groups([i], columns=needed, use_threads=many) for i in groups)
+    else:  # tables without a column, put together, would have no rows
+        table = file.read_row_groups(groups, columns=needed)
     for bound in bounds:
         table = table.filter(bound.mask(table))
     table = table.unify_dictionaries()

@@ -13,10 +13,10 @@ import pytest
 from ecat.errors import EcatError, InputError
 from ecat.model import Camera, Manifest
 from ecat.process import process_session
-from ecat.process.inputs import StageTables, sane, session_camera
+from ecat.process.inputs import StoredRows, sane, session_camera
 from ecat.sample import sample_session
-from ecat.stages import Stage
-from ecat.store import Draft, TableData, create_session
+from ecat.stages.rows import stretches
+from ecat.store import Draft, Session, TableData, create_session
 
 CAMERA = Camera(name="color", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240)
 
@@ -80,25 +80,49 @@ def test_absurd_marks_lead_to_poses_or_to_one_error_and_to_no_warning(
         assert report.ran == ("plane", "pose", "smooth", "relations", "propose")
 
 
-def _reading(name: str, columns: dict[str, tuple[str, ...]]) -> Stage:
-    inputs = ("poses", "clock")
-    return Stage(name, 1, inputs, (), object, lambda *_: {}, optional=inputs, columns=columns)
-
-
-def test_stages_that_run_side_by_side_share_what_they_read(tmp_path: Path) -> None:
+def test_rows_of_a_session_are_those_of_the_table_in_whatever_order_they_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session = create_session(tmp_path / "s", sample_session(seed=1, actions=("next",))[0])
-    process_session(session.path)
-    session = session.refresh()
-    places, turns = (
-        _reading(name, {"poses": ("frame", *columns)})
-        for name, columns in (("places", ("x", "y", "z")), ("turns", ("qx", "qw")))
+    monkeypatch.setattr("ecat.process.inputs._ROWS_READ", 20)
+    whole = session.table("markers_2d").to_arrow()
+    rows = StoredRows(session, "markers_2d")
+    last = int(np.asarray(whole["frame"].to_numpy()).max())
+
+    assert rows.select(("frame", "code")).equals(whole.select(["frame", "code"]))
+    for first, end in (
+        (0, 5),
+        (5, 10),
+        (3, 9),
+        (last, last + 1),
+        (0, last + 1),
+        (last + 1, last + 9),
+        (4, 4),
+    ):
+        frame = np.asarray(whole["frame"].to_numpy())
+        assert (
+            rows.between(first, end).to_pylist()
+            == whole.filter(pa.array((frame >= first) & (frame < end))).to_pylist()
+        ), (first, end)
+
+
+def test_frames_far_apart_are_not_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draft, _ = sample_session(seed=1, actions=("next",))
+    marks = draft.tables["markers_2d"].data
+    assert isinstance(marks, pa.Table)
+    frame = pa.array(np.arange(marks.num_rows, dtype=np.int32) * 100_000)
+    marks = marks.set_column(marks.schema.get_field_index("frame"), marks.schema.field("frame"), frame)
+    session = create_session(
+        tmp_path / "s", replace(draft, tables={**draft.tables, "markers_2d": TableData(data=marks)})
     )
+    asked: list[object] = []
+    table = Session.table
 
-    both = StageTables(session, (places, turns))
-    alone = StageTables(session, (places,)).of(places)["poses"]
-    whole = StageTables(session, (places, _reading("whole", {}))).of(places)["poses"]
+    def counted(self: Session, name: str, **bounds: Any) -> Any:
+        asked.append(bounds)
+        return table(self, name, **bounds)
 
-    assert both.of(places)["poses"] is both.of(turns)["poses"]
-    assert set(both.of(places)["poses"].column_names) == {"frame", "x", "y", "z", "qx", "qw"}
-    assert set(alone.column_names) == {"frame", "x", "y", "z"}
-    assert whole.equals(session.table("poses").to_arrow())
+    monkeypatch.setattr(Session, "table", counted)
+    rows = StoredRows(session, "markers_2d")
+    assert sum(part.num_rows for part in stretches(rows, 1000)) == marks.num_rows
+    assert len(asked) < 10

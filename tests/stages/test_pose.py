@@ -13,6 +13,7 @@ from ecat.errors import InputError
 from ecat.geometry.transforms import Floats, Rigid, quaternion_angle, quaternion_from_matrix
 from ecat.stages.plane import PlaneParameters, fit_table
 from ecat.stages.pose import POSE, PoseParameters, estimate_poses, table_frame
+from ecat.stages.sightings import PIXELS
 from ecat.tables import POSES, TABLE_PLANE
 from tests.stages.recorded import Recorded
 
@@ -186,6 +187,16 @@ def test_the_covariance_is_told_where_there_is_a_pose(generated: Generated) -> N
     upper = np.array(poses["covariance"].to_pylist()[:20])
     variances = upper[:, [0, 6, 11]]
     np.testing.assert_allclose(np.sqrt(variances.mean(1)), columns(poses, "sigma_m")[:20, 0])
+
+
+def test_an_object_without_any_face_that_can_be_one_has_no_rows(generated: Generated) -> None:
+    session = generated(20)
+    rows = session.markers_2d.to_pylist()
+    ghost = dict.fromkeys(PIXELS) | {"object_id": "ghost"}
+    markers = pa.Table.from_pylist(
+        [one for row in rows for one in (row, row | ghost)], schema=session.markers_2d.schema
+    )
+    assert solve(session, markers).to_pylist() == solve(session).to_pylist()
 
 
 def test_stretches_of_frames_are_put_together(generated: Generated, monkeypatch: pytest.MonkeyPatch) -> None:

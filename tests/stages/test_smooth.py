@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 
+from ecat.errors import InputError
 from ecat.geometry.smoothing import Smoothness, smooth_track
 from ecat.geometry.transforms import (
     Floats,
@@ -206,6 +207,23 @@ def test_a_long_recording_is_smoothed_in_windows_as_if_it_were_smoothed_at_once(
     np.testing.assert_allclose(pose_covariances(parts), pose_covariances(whole), rtol=1e-3, atol=1e-12)
 
 
+def test_what_is_after_a_long_gap_is_smoothed_as_if_it_were_alone(generated: Generated) -> None:
+    seen = poses_of(generated(130)).to_pylist()
+    hidden = poses_of(generated(130), range(40, 80)).to_pylist()
+    rows = [
+        row | {"object_id": name}
+        for both in zip(hidden, seen, strict=True)
+        for name, row in zip("ab", both, strict=True)
+    ]
+    poses = pa.Table.from_pylist(rows, schema=poses_of(generated(1)).schema)
+    after = (pc.field("object_id").cast(pa.string()) == "a") & (pc.field("frame") >= 80)
+
+    smoothed, alone = smooth_poses(poses).filter(after), smooth_poses(poses.filter(after))
+
+    np.testing.assert_allclose(place(smoothed), place(alone), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pose_covariances(smoothed), pose_covariances(alone), rtol=1e-9, atol=1e-15)
+
+
 def test_every_frame_of_every_object_comes_once_out_of_the_windows(
     generated: Generated, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,3 +234,13 @@ def test_every_frame_of_every_object_comes_once_out_of_the_windows(
     smoothed = smooth_poses(poses)
     for name in ("frame", "object_id"):
         assert smoothed[name].to_pylist() == poses[name].to_pylist()
+
+
+def test_poses_that_lack_rows_are_refused(generated: Generated) -> None:
+    one = poses_of(generated(30))
+    at = one.schema.get_field_index("object_id")
+    other = pa.array(["other"] * one.num_rows).cast(one.schema.field("object_id").type)
+    for rows in (slice(0, 29), slice(1, 30)):
+        both = pa.concat_tables([one, one.set_column(at, one.schema.field(at), other)[rows]])
+        with pytest.raises(InputError, match="row for each frame"):
+            smooth_poses(both)

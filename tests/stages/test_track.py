@@ -292,6 +292,14 @@ def test_grey_and_colour_images_give_the_same() -> None:
     )
 
 
+def test_rows_do_not_depend_on_how_many_images_are_put_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(6)
+    film = Film([image_of(rng, pose_at(0.0, 2.3)) for _ in range(8)], CAMERA)
+    whole = track_markers(film, PARAMETERS)
+    monkeypatch.setattr("ecat.stages.track._AT_ONCE", 3)
+    assert track_markers(film, PARAMETERS).to_pylist() == whole.to_pylist()
+
+
 def test_a_box_seen_too_seldom_is_no_object() -> None:
     rng = np.random.default_rng(7)
     images = [image_of(rng, pose_at(0.0, 2.3) if i < 4 else None) for i in range(8)]

@@ -108,6 +108,11 @@ def test_columns_come_in_the_order_asked_for(ten_seconds: Session) -> None:
     assert view.to_pandas().columns.tolist() == ["z", "frame"]
 
 
+def test_rows_without_any_column_are_still_counted(ten_seconds: Session) -> None:
+    assert ten_seconds.table("poses", columns=[]).to_arrow().num_rows == 300
+    assert ten_seconds.table("poses", end_frame=20, columns=[]).to_arrow().num_rows == 20
+
+
 def test_rows_are_counted_without_reading(tmp_path: Path) -> None:
     session = make(tmp_path / "session", n=30)
     (session.path / "tables/poses.parquet").unlink()
