@@ -141,7 +141,7 @@ def _seconds(track: pa.Table) -> Floats:
 
 def _track(name: str, poses: Rows, frame: NDArray[np.int64], parameters: SmoothParameters) -> _Track:
     """An object's poses in these frames, of two that explain a frame alike the one that agrees with the others."""
-    table = _of(name, _between(InMemory(poses.select(_LOOKED_AT)), frame))
+    table = _between(InMemory(_of(name, poses.select(_LOOKED_AT))), frame)
     if not np.array_equal(table["frame"].to_numpy(), frame):
         raise InputError(
             "cannot smooth the poses",
@@ -358,7 +358,6 @@ SMOOTH = Stage(
     name="smooth",
     version=3,
     inputs=("poses", "table_plane"),
-    partly=("poses",),
     outputs=("poses_smooth",),
     parameters=SmoothParameters,
     run=_run,

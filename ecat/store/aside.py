@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
-from io import IOBase
 from itertools import chain
 from pathlib import Path
-from typing import cast
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 
@@ -19,8 +17,7 @@ from ecat.store import files
 def set_aside(parts: Iterable[pa.Table], folder: Path, what: str) -> Generator[Iterable[pa.RecordBatch]]:
     """The rows of all ``parts``, which are made now, to be read within the block, once.
 
-    A single part stays in memory.  More go to a temporary file in ``folder``, which on Linux has no name, and is gone
-    with the process whatever becomes of it.
+    A single part stays in memory.  More go to a scratch file in ``folder``.
 
     Raises
     ------
@@ -32,23 +29,25 @@ def set_aside(parts: Iterable[pa.Table], folder: Path, what: str) -> Generator[I
         yield [] if first is None else first.to_batches()
         return
     with files.typed_errors(what, folder, "nothing was changed"):
-        file = cast("IOBase", tempfile.TemporaryFile(dir=folder))  # noqa: SIM115 - closed below
+        file = files.scratch_file(folder)
     try:
         _write(file, chain((first, second), coming), folder, what)
-        with pa.ipc.open_stream(file) as rows:
+        source: Any = file
+        with pa.ipc.open_stream(source) as rows:
             yield rows
     finally:
         with suppress(OSError):  # what could not be written is of no use any more
             file.close()
 
 
-def _write(file: IOBase, parts: Iterable[pa.Table], folder: Path, what: str) -> None:
+def _write(file: BinaryIO, parts: Iterable[pa.Table], folder: Path, what: str) -> None:
     """Write them, and go back to the beginning."""
+    sink: Any = file
     with ExitStack() as opened:
         writer: pa.RecordBatchStreamWriter | None = None
         for part in parts:
             with files.typed_errors(what, folder, "nothing was changed"):
-                writer = writer or opened.enter_context(pa.ipc.new_stream(file, part.schema))
+                writer = writer or opened.enter_context(pa.ipc.new_stream(sink, part.schema))
                 writer.write_table(part)
         with files.typed_errors(what, folder, "nothing was changed"):
             opened.close()

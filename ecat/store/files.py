@@ -11,11 +11,12 @@ import io
 import os
 import shutil
 import stat
+import tempfile
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from ecat.errors import FormatError, LimitError, SchemaError, os_error
 
@@ -98,6 +99,12 @@ def confined(root: Path, target: str) -> Path:
             fix="replace the link by the file or folder that it points to",
         )
     return path
+
+
+def scratch_file(folder: Path) -> BinaryIO:
+    """A file that is gone when it is closed, or with the process; on Linux it has no name in ``folder``."""
+    step("write", folder)
+    return cast("BinaryIO", tempfile.TemporaryFile(dir=folder))
 
 
 class NewFile(io.RawIOBase):

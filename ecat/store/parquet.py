@@ -189,13 +189,18 @@ def read_groups(file: pq.ParquetFile, bounds: Sequence[Bound], columns: Sequence
     many = file.metadata.num_rows >= _MANY_ROWS
     if groups and needed != []:
         # one after the other: all at once they take twice the memory of the rows, and no less time
-        table = pa.concat_tables(file.read_row_groups([i], columns=needed, use_threads=many) for i in groups)
+        parts = (file.read_row_groups([i], columns=needed, use_threads=many) for i in groups)
+        table = pa.concat_tables(_within(part, bounds) for part in parts)
     else:  # tables without a column, put together, would have no rows
-        table = file.read_row_groups(groups, columns=needed)
-    for bound in bounds:
-        table = table.filter(bound.mask(table))
+        table = _within(file.read_row_groups(groups, columns=needed), bounds)
     table = table.unify_dictionaries()
     return table if columns is None else table.select(list(columns))
+
+
+def _within(table: pa.Table, bounds: Sequence[Bound]) -> pa.Table:
+    for bound in bounds:
+        table = table.filter(bound.mask(table))
+    return table
 
 
 def _wanted(group: Any, bounds: Sequence[Bound]) -> bool:

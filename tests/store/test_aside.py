@@ -59,7 +59,7 @@ def test_a_full_disk_is_one_error_that_says_what_could_not_be_done(
     def full(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("ecat.store.aside.tempfile.TemporaryFile", full)
+    monkeypatch.setattr("ecat.store.files.tempfile.TemporaryFile", full)
     with pytest.raises(DiskError, match="cannot do it"), set_aside(iter(PARTS), tmp_path, "cannot do it"):
         pytest.fail("there are no rows to be read")
 
@@ -71,6 +71,6 @@ def test_a_disk_that_fills_up_in_the_middle_is_the_same_error(
     def on_a_full_disk(**_: Any) -> Any:
         return Path("/dev/full").open("wb+")
 
-    monkeypatch.setattr("ecat.store.aside.tempfile.TemporaryFile", on_a_full_disk)
+    monkeypatch.setattr("ecat.store.files.tempfile.TemporaryFile", on_a_full_disk)
     with pytest.raises(DiskError, match="cannot do it"), set_aside(iter(PARTS), tmp_path, "cannot do it"):
         pytest.fail("there are no rows to be read")
