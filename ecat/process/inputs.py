@@ -145,6 +145,14 @@ class StageImages(AbstractContextManager["StageImages"]):
         with self._lock:  # stages that run side by side ask for the same ones
             return {kind: self._images(stream) for kind, stream in streams.items() if stream is not None}
 
+    def rest(self) -> None:
+        """Close the files until another stage looks at them; where their images lie stays known.
+
+        A file that is open for jumping about in it takes the more memory, the longer it is.
+        """
+        for images in self._opened.values():
+            images.close()
+
     def _images(self, stream: Stream) -> StreamImages:
         if stream.name not in self._opened:
             # colour tells nothing that grey does not, and costs three times as much; while the stage is at work, its

@@ -13,10 +13,12 @@ import pytest
 from ecat.errors import EcatError, InputError
 from ecat.model import Camera, Manifest
 from ecat.process import process_session
-from ecat.process.inputs import StoredRows, sane, session_camera
+from ecat.process.inputs import StageImages, StoredRows, sane, session_camera
 from ecat.sample import sample_session
+from ecat.stages import STAGES
 from ecat.stages.rows import stretches
-from ecat.store import Draft, Session, TableData, create_session
+from ecat.store import Draft, Session, TableData, create_session, open_session
+from tests.process.films import filmed
 
 CAMERA = Camera(name="color", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240)
 
@@ -126,3 +128,26 @@ def test_frames_far_apart_are_not_read_one_by_one(tmp_path: Path, monkeypatch: p
     rows = StoredRows(session, "markers_2d")
     assert sum(part.num_rows for part in stretches(rows, 1000)) == marks.num_rows
     assert len(asked) < 10
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/fd").is_dir(), reason="only Linux tells which files a process has open"
+)
+def test_between_stages_no_video_stays_open_and_the_next_one_reads_it_all_the_same(tmp_path: Path) -> None:
+    filmed(tmp_path / "s", 3, with_depth=True)
+    session = open_session(tmp_path / "s")
+    (stage,) = (stage for stage in STAGES if stage.name == "outline")
+
+    def is_open() -> bool:
+        names = [link.readlink().name for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+        return "depth.mkv" in names
+
+    with StageImages(session) as images:
+        depth = images.of(stage)["depth"]
+        before = np.array(list(depth.read([1, 5])))
+        assert is_open()
+        images.rest()
+        assert not is_open()
+        assert images.of(stage)["depth"] is depth
+        assert np.array_equal(np.array(list(depth.read([1, 5]))), before)
+    assert not is_open()
