@@ -1,24 +1,11 @@
-"""How little memory stages keep: an hour takes little more than a minute."""
+"""What a stage has freed, given back to the system."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
 
 import pyarrow as pa
-
-
-@contextmanager
-def sparing() -> Generator[None]:
-    """Take Arrow's memory from the C library meanwhile: its own allocators keep more of what is free, in pieces."""
-    before = pa.default_memory_pool()
-    pa.set_memory_pool(pa.system_memory_pool())
-    try:
-        yield
-    finally:
-        pa.set_memory_pool(before)
 
 
 def give_back() -> None:

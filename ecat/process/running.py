@@ -26,7 +26,7 @@ from ecat.process.graph import (
     why_not,
 )
 from ecat.process.inputs import StageImages, has_marks, input_hashes, stage_inputs
-from ecat.process.memory import give_back, sparing
+from ecat.process.memory import give_back
 from ecat.process.proposals import PROPOSED, decisions, proposed_layer
 from ecat.process.prototypes import boxes_in, kept_prototypes, recordings_of
 from ecat.progress import Progress, silent
@@ -80,7 +80,7 @@ def process_session(
     require_stages(stages or ())
     session = open_session(path)
     chosen = [stage for stage in all_stages() if _wanted(stage, session, stages, smooth=smooth)]
-    with sparing(), StageImages(session) as images:
+    with StageImages(session) as images:
         run = _Run(session, images, prototypes, progress, len(chosen), measured=measured)
         for independent in side_by_side(chosen):
             run.stages(independent, force=force)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import pyarrow as pa
 import pytest
-
-from ecat.process.memory import sparing
 
 _PROGRAM = """
 import ctypes, sys
@@ -40,10 +37,3 @@ def test_what_is_free_but_kept_goes_back_to_the_system() -> None:
     before_mb, after_mb = map(float, done.stdout.split())
     assert before_mb > 240
     assert after_mb < before_mb - 200
-
-
-def test_arrow_takes_memory_from_the_system_only_meanwhile() -> None:
-    before = pa.default_memory_pool().backend_name
-    with sparing():
-        assert pa.default_memory_pool().backend_name == "system"
-    assert pa.default_memory_pool().backend_name == before
