@@ -120,7 +120,7 @@ def _outside(points: Floats, box: Rigid, size: Floats) -> Floats:
 
 def extent_z(box: Rigid, size: Floats) -> tuple[Floats, Floats]:
     """Heights (n,) of a box's lowest and highest point."""
-    reach = (np.abs(box.rotation[:, 2, :]) * (size / 2)).sum(-1)
+    reach = _reach(box.rotation[:, 2], size)
     return box.translation[:, 2] - reach, box.translation[:, 2] + reach
 
 
@@ -135,14 +135,15 @@ def overhang(a: Rigid, b: Rigid, b_size: Floats) -> Floats:
     across = np.stack([-along[:, 1], along[:, 0]], -1)
     offset = (a.translation - b.translation)[:, :2]
     beyond = [
-        np.abs((offset * axis).sum(-1)) - _reach(b.rotation[:, :2], axis, b_size) for axis in (along, across)
+        np.abs((offset * axis).sum(-1)) - _reach(np.einsum("nij,ni->nj", b.rotation[:, :2], axis), b_size)
+        for axis in (along, across)
     ]
     return np.hypot(*(np.maximum(side, 0.0) for side in beyond))
 
 
-def _reach(axes: Floats, direction: Floats, size: Floats) -> Floats:
-    """How far (n,) boxes go from their middles along directions (n, k), ``axes`` (n, k, 3) being theirs."""
-    return (np.abs(np.einsum("nij,ni->nj", axes, direction)) * (size / 2)).sum(-1)
+def _reach(direction: Floats, size: Floats) -> Floats:
+    """How far (n,) boxes go from their middles along directions (n, 3), which are given in their own axes."""
+    return (np.abs(direction) * (size / 2)).sum(-1)
 
 
 def height_over(a: Rigid, b: Rigid, a_size: Floats, b_size: Floats) -> Floats:

@@ -99,13 +99,15 @@ class StoredRows:
 
     def between(self, first: int, end: int) -> pa.Table:
         """All columns of the rows whose frame is at least ``first`` and below ``end``."""
+        from ecat.stages.rows import InMemory
+
         if first < self._first or end > self._end:
             last = min(int(np.searchsorted(self._frames, first)) + _ROWS_READ, len(self._frames)) - 1
             self._first, self._end = first, max(end, int(self._frames[last]) + 1 if last >= 0 else end)
             self._kept = self._kept.schema.empty_table()
             view = self._session.table(self._name, start_frame=self._first, end_frame=self._end)
             self._kept = sane(view.to_arrow())
-        return self._kept.filter((pc.field("frame") >= first) & (pc.field("frame") < end))
+        return InMemory(self._kept).between(first, end)
 
 
 def image_stream(session: Session, kind: str) -> Stream | None:

@@ -17,14 +17,12 @@ from ecat.geometry.smoothing import Smoothness, random_share, smooth_track
 from ecat.geometry.transforms import Floats, known, quaternion_angle, skew
 from ecat.stages.images import ImagesByKind
 from ecat.stages.pose import LISTS, NUMBERS, UPPER, ObjectPoses, pose_table
-from ecat.stages.rows import InMemory, Rows, rows_of
+from ecat.stages.rows import InMemory
 from ecat.stages.stage import Stage, Tables
 from ecat.stages.tie import pieces
 from ecat.tables import POSES_SMOOTH
 
 PLACE, TURN = NUMBERS[:3], NUMBERS[3:7]
-_LOOKED_AT = ("t_ns", "frame", "object_id", "source", *PLACE, *TURN, "sigma_m", "sigma_rad", "alternative")
-"""What is read of a whole recording; the covariances, which are as much again, a window at a time."""
 _STILL_M = 0.005
 _WINDOW = 3000
 """So many frames are smoothed at once, that memory does not grow with a recording."""
@@ -61,12 +59,12 @@ def smooth_poses(
     A recording of more than a minute or two is smoothed in overlapping windows of which the middles are kept.  That
     differs from smoothing it at once by less than a thousandth of the stated sigma.
     """
-    parts = _parts(rows_of(poses), table_plane, parameters or SmoothParameters())
+    parts = _parts(poses, table_plane, parameters or SmoothParameters())
     return pa.concat_tables([POSES_SMOOTH.arrow.empty_table(), *parts])
 
 
-def _parts(poses: Rows, table_plane: pa.Table | None, parameters: SmoothParameters) -> Iterator[pa.Table]:
-    for piece in pieces(poses.select(("frame", "object_id")), table_plane):
+def _parts(poses: pa.Table, table_plane: pa.Table | None, parameters: SmoothParameters) -> Iterator[pa.Table]:
+    for piece in pieces(poses.select(["frame", "object_id"]), table_plane):
         yield from _smoothed_piece(piece, poses, parameters)
 
 
@@ -98,7 +96,7 @@ class _Track:
     stretches: list[_Stretch]
 
 
-def _smoothed_piece(piece: pa.Table, poses: Rows, parameters: SmoothParameters) -> Iterator[pa.Table]:
+def _smoothed_piece(piece: pa.Table, poses: pa.Table, parameters: SmoothParameters) -> Iterator[pa.Table]:
     """The rows of ``piece``, which has ``frame`` and ``object_id``."""
     objects = sorted({str(name) for name in pc.unique(piece["object_id"]).to_pylist()})
     if not objects:
@@ -113,9 +111,9 @@ def _smoothed_piece(piece: pa.Table, poses: Rows, parameters: SmoothParameters) 
         yield pose_table(clock, smoothed, POSES_SMOOTH).slice(first, last - first)
 
 
-def _between(poses: Rows, frame: NDArray[np.int64]) -> pa.Table:
+def _between(poses: pa.Table, frame: NDArray[np.int64]) -> pa.Table:
     """The rows of some frames (n,), ascending."""
-    return poses.between(int(frame[0]), int(frame[-1]) + 1)
+    return InMemory(poses).between(int(frame[0]), int(frame[-1]) + 1)
 
 
 def _of(name: str, poses: pa.Table) -> pa.Table:
@@ -139,9 +137,9 @@ def _seconds(track: pa.Table) -> Floats:
     return track["t_ns"].to_numpy() / 1e9
 
 
-def _track(name: str, poses: Rows, frame: NDArray[np.int64], parameters: SmoothParameters) -> _Track:
+def _track(name: str, poses: pa.Table, frame: NDArray[np.int64], parameters: SmoothParameters) -> _Track:
     """An object's poses in these frames, of two that explain a frame alike the one that agrees with the others."""
-    table = _between(InMemory(_of(name, poses.select(_LOOKED_AT))), frame)
+    table = _between(_of(name, poses.drop_columns("covariance")), frame)  # half of it, looked at by windows
     if not np.array_equal(table["frame"].to_numpy(), frame):
         raise InputError(
             "cannot smooth the poses",
@@ -199,7 +197,9 @@ def _smoothed(track: _Track, window: slice, table: pa.Table, parameters: SmoothP
     return ObjectPoses(track.name, numbers, lists, source, free, n_faces.astype(np.int64))
 
 
-def _covariances(name: str, poses: Rows, frame: NDArray[np.int64], turns: Floats) -> tuple[Floats, Floats]:
+def _covariances(
+    name: str, poses: pa.Table, frame: NDArray[np.int64], turns: Floats
+) -> tuple[Floats, Floats]:
     """Of an object's places (n, 3, 3), and of its turns (n, 4) as quaternions (n, 4, 4); whole ones (n, 6, 6) only of
     some frames at a time.
     """
@@ -351,7 +351,7 @@ def _run(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> 
 
 def _run_parts(tables: Tables, images: ImagesByKind, parameters: SmoothParameters) -> Iterator[pa.Table]:
     del images
-    return _parts(rows_of(tables["poses"]), tables.get("table_plane"), parameters)
+    return _parts(tables["poses"], tables.get("table_plane"), parameters)
 
 
 SMOOTH = Stage(
